@@ -1,0 +1,1 @@
+"""Friction bounds, certificates and batched contact solving for mechanisms, in JAX."""
