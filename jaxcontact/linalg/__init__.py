@@ -1,0 +1,48 @@
+"""Small dense linear algebra that batches: factors, solves, singular values."""
+
+from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
+from jaxcontact.linalg.decomposition import decomposition
+from jaxcontact.linalg.factors import (
+    cholesky,
+    det,
+    gram,
+    project_out,
+    solve,
+    solve_lower,
+    solve_lower_transposed,
+)
+from jaxcontact.linalg.singular import (
+    singular_pair_max,
+    singular_pair_min,
+    singular_value_max,
+    singular_value_min,
+    singular_values_jacobi,
+)
+from jaxcontact.linalg.spectrum import real_eigenvalue_max
+from jaxcontact.linalg.symmetric import symmetric_eigenvalue_max, symmetric_eigenvalue_min
+from jaxcontact.linalg.unrolled import shield
+
+__all__ = [
+    "cholesky",
+    "decomposition",
+    "det",
+    "det2",
+    "det3",
+    "dot",
+    "gram",
+    "project_out",
+    "real_eigenvalue_max",
+    "shield",
+    "singular_pair_max",
+    "singular_pair_min",
+    "singular_value_max",
+    "singular_value_min",
+    "singular_values_jacobi",
+    "solve",
+    "solve_lower",
+    "solve_lower_transposed",
+    "symmetric_eigenvalue_max",
+    "symmetric_eigenvalue_min",
+    "two_product",
+    "two_sum",
+]

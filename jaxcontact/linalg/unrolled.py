@@ -1,0 +1,95 @@
+"""Small matrices as nested lists of scalars, and what keeps a program on them in one fused loop.
+
+Under jit(vmap) XLA folds the indexing and the final stack away, so algebra written on the scalars becomes one loop over the
+batch, where arrays of shape (m, m) would be materialised for every lane.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+Scalar = jax.Array
+
+UNROLL_LIMIT = 8
+"""Largest number of rows or columns that is unrolled on scalars; beyond it compile time grows faster than speed."""
+
+
+def entries(A: jax.Array) -> list[list[Scalar]]:
+    """The rows of a matrix (n, m) as lists of scalars."""
+    return [[A[i, j] for j in range(A.shape[1])] for i in range(A.shape[0])]
+
+
+def columns(A: jax.Array) -> list[list[Scalar]]:
+    """The columns of a matrix (n, m) as lists of scalars."""
+    return [[A[i, j] for i in range(A.shape[0])] for j in range(A.shape[1])]
+
+
+def from_columns(cols: list[list[Scalar]], rows: int, dtype) -> jax.Array:
+    """The array (rows, len(cols)) with these columns; rows and dtype settle the empty cases."""
+    if rows == 0 or not cols:
+        return jnp.zeros((rows, len(cols)), dtype)
+    return jnp.stack([jnp.stack([col[i] for col in cols]) for i in range(rows)])
+
+
+def from_rows(rows: list[list[Scalar]]) -> jax.Array:
+    """The array with these (non-empty) rows."""
+    return jnp.stack([jnp.stack(row) for row in rows])
+
+
+def total(terms: list[Scalar]) -> Scalar:
+    """Sum of a non-empty list, left to right."""
+    result = terms[0]
+    for term in terms[1:]:
+        result = result + term
+    return result
+
+
+def inner(a: list[Scalar], b: list[Scalar]) -> Scalar:
+    """Sum of a_i b_i over non-empty lists."""
+    return total([x * y for x, y in zip(a, b, strict=True)])
+
+
+def largest(terms: list[Scalar]) -> Scalar:
+    """Maximum of a non-empty list; NaN if one of them is."""
+    result = terms[0]
+    for term in terms[1:]:
+        result = lax.max(result, term)
+    return result
+
+
+@jax.custom_jvp
+def shield(x: Scalar) -> Scalar:
+    """x, behind an operation that XLA cannot drop.
+
+    XLA:CPU does not fuse an expensive producer (division, square root) that has several users; behind a cheap single user
+    it does, and the program stays one loop. The maximum with the most negative finite number passes NaN through.
+    """
+    return lax.max(x, jnp.array(jnp.finfo(x.dtype).min, x.dtype))
+
+
+@shield.defjvp
+def _shield_jvp(primals, tangents):
+    return shield(*primals), tangents[0]
+
+
+def power_of_two_scale(size: Scalar) -> tuple[Scalar, Scalar]:
+    """(s, 1 / s) with s a power of two near a non-negative `size`, read off its exponent bits: scaling by s rounds nothing.
+
+    Both are kept normal numbers: the exponent is clipped, so size 0, infinite or NaN gives a finite scale.
+    """
+    info = jnp.finfo(size.dtype)
+    word = jnp.dtype(f"int{info.bits}")
+    bias = info.maxexp - 1
+    exponent = lax.bitcast_convert_type(size, word) >> jnp.array(info.nmant, word)
+    exponent = lax.clamp(jnp.array(1, word), exponent, jnp.array(2 * bias - 1, word))
+    shift = jnp.array(info.nmant, word)
+    scale = lax.bitcast_convert_type(exponent << shift, size.dtype)
+    inverse = lax.bitcast_convert_type((jnp.array(2 * bias, word) - exponent) << shift, size.dtype)
+    return scale, inverse
+
+
+def euclidean_norm(x: list[Scalar]) -> Scalar:
+    """sqrt(sum x_i^2) without overflow or underflow of the squares; not differentiated, callers carry a rule."""
+    scale, inverse = power_of_two_scale(largest([lax.abs(x_i) for x_i in x]))
+    y = [x_i * inverse for x_i in x]
+    return scale * jnp.sqrt(inner(y, y))
