@@ -1,0 +1,134 @@
+"""Proposition 14: mixed frictional contacts as a perturbation of the frictionless complementarity problem."""
+
+import itertools
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from .. import linalg
+from ..dynamics import Delassus
+from ..dynamics.delassus import select, select_columns
+from .norm_ratio import norm_ratio_of_factors
+from .propositions import _bilateral_all_frictional, proposition
+
+SCAN_POINTS = 256
+"""Points at which the first crossing is looked for before it is bisected; a dip between two of them goes unseen."""
+
+
+@proposition(_bilateral_all_frictional)
+def prop14(operators: Delassus, ratio: Array, xi: Array | None = None) -> Array:
+    """Proposition 14: the first r with |P_mu|_2 beta_2(M_ub^0) = 1 along mu = r * ratio, capped by the bilateral bound.
+
+    Hypothesis: M and A_nb positive definite, independent gaps, frictional bilateral contacts. Guarantee: M_ub^mu of (62) is a
+    P-matrix, so forces and accelerations exist and are unique, for the signs `xi` of sliding; with xi None the least over all
+    signs. Load class: any. P_mu by (64) to (67) with errata A14 to A16; beta_2 at its vertices, which is exact.
+    It depends on the unit of mass, since M_ub^0 mixes 1 and 1/mass: `direct` does not, and neither dominates the other.
+
+    `prop14(delassus(rod, rod.state(theta=0.9)), xi=jnp.array([1.0, -1.0]))`
+
+    Cost: 2^m_u norms for beta_2, and 2^k scans for the k frictional contacts when xi is None.
+    """
+    bilateral = Delassus(
+        N=select_columns(operators.N, operators.bilateral),
+        T=select_columns(operators.T, operators.bilateral),
+        w=select(operators.w, operators.bilateral),
+        L=operators.L,
+        terms=None,
+        contacts=tuple(operators.contacts[i] for i in operators.bilateral),
+    )
+    rates_b = select(ratio, operators.bilateral)
+    scaled = (
+        jnp.stack([bilateral.T[:, j] * rates_b[j] for j in range(len(rates_b))], axis=1)
+        if len(rates_b)
+        else bilateral.T
+    )
+    cap = norm_ratio_of_factors(bilateral.N, scaled)
+    blocks = _Blocks(operators)
+    reach = 1 / blocks.beta_2()
+    if xi is not None:
+        return _first_crossing(blocks, ratio * jnp.asarray(xi, ratio.dtype), reach, cap)
+    signs = jnp.asarray(_sign_vectors(operators), ratio.dtype)
+    return jnp.min(jnp.stack([_first_crossing(blocks, ratio * s, reach, cap) for s in signs]))
+
+
+def _sign_vectors(operators: Delassus) -> np.ndarray:
+    """(2^k, m) all signs of the k frictional contacts, ones elsewhere."""
+    choices = [(1, -1) if contact.frictional else (1,) for contact in operators.contacts]
+    return np.array(list(itertools.product(*choices)))
+
+
+class _Blocks:
+    """The blocks of (62), relative to A_nb: everything that does not depend on r."""
+
+    def __init__(self, operators: Delassus):
+        self.b, self.u = operators.bilateral, operators.unilateral
+        solve = partial(linalg.solve, operators.A_nb)
+        self.Xt = solve(operators.A_tb)
+        self.Gn, self.Gt = solve(operators.A_nbnu), solve(operators.A_nbtu)
+        self.A_nunb, self.A_nutb, self.A_tu = operators.A_nbnu.T, operators.A_nutb, operators.A_tu
+        Nb, Nu = select_columns(operators.N, self.b), select_columns(operators.N, self.u)
+        projected = linalg.project_out(Nb, Nu)
+        self.A_c = linalg.gram(projected, projected)
+
+    def perturbation(self, mu_xi: Array) -> Array:
+        """P_mu = M_ub^mu - M_ub^0 by (64) to (67), with K = (I - X)^-1 - I."""
+        mul = partial(jnp.matmul, precision=lax.Precision.HIGHEST)
+        d_b, d_u = select(mu_xi, self.b)[None, :], select(mu_xi, self.u)[None, :]
+        X = self.Xt * d_b
+        one = jnp.eye(len(self.b), dtype=X.dtype)
+        K = mul(X, linalg.solve(one - X, one))
+        C = self.A_nunb - self.A_nutb * d_b
+        P12 = mul(one + K, self.Gt * d_u) - mul(K, self.Gn)
+        P21 = -2 * self.A_nutb * d_b + 2 * mul(C, K)
+        P22 = -self.A_tu * d_u + mul(self.A_nutb * d_b, self.Gn) + mul(C, P12)
+        return jnp.concatenate([jnp.concatenate([2 * K, P12], axis=1), jnp.concatenate([P21, P22], axis=1)])
+
+    def beta_2(self) -> Array:
+        """beta_2(M_ub^0) = max over gamma in the unilateral contacts of |[[I, G A^-1], [0, A^-1]]|_2, A = A_c[gamma, gamma]."""
+        subsets = [g for k in range(len(self.u) + 1) for g in itertools.combinations(range(len(self.u)), k)]
+        return jnp.max(jnp.stack([self._vertex_norm(g) for g in subsets]))
+
+    def _vertex_norm(self, gamma: tuple[int, ...]) -> Array:
+        one = jnp.eye(len(self.b), dtype=self.A_c.dtype)
+        if not gamma:
+            return jnp.ones((), self.A_c.dtype) if self.b else jnp.zeros((), self.A_c.dtype)
+        A = jnp.stack([select(self.A_c[i], gamma) for i in gamma])
+        inverse = linalg.solve(A, jnp.eye(len(gamma), dtype=A.dtype))
+        right = jnp.matmul(select_columns(self.Gn, gamma), inverse, precision=lax.Precision.HIGHEST)
+        lower = jnp.concatenate([jnp.zeros((len(gamma), len(self.b)), A.dtype), inverse], axis=1)
+        return linalg.singular_value_max(jnp.concatenate([jnp.concatenate([one, right], axis=1), lower]))
+
+
+def _first_crossing(blocks: _Blocks, direction: Array, reach: Array, cap: Array) -> Array:
+    """The least r <= cap with |P(r * direction)|_2 >= reach: a scan, a bisection, and the implicit derivative."""
+
+    def excess(r):
+        return linalg.singular_value_max(blocks.perturbation(r * direction)) - reach
+
+    end = lax.stop_gradient(jnp.where(jnp.isfinite(cap), cap, _far(blocks, direction, reach)))
+    grid = end * jnp.arange(1, SCAN_POINTS + 1, dtype=direction.dtype) / SCAN_POINTS
+    over = ~(jax.vmap(excess)(grid) < 0)
+    first = jnp.argmax(over)
+    crossed = over[first]
+    high = grid[first]
+
+    def bisect(f, _):
+        def halve(_, bracket):
+            low, high = bracket
+            middle = low + (high - low) / 2
+            above = f(middle) >= 0
+            return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+        steps = jnp.finfo(direction.dtype).nmant + 2
+        return lax.fori_loop(0, steps, halve, (high - end / SCAN_POINTS, high))[0]
+
+    root = lax.custom_root(excess, high, bisect, lambda g, y: y / g(jnp.ones_like(y)))
+    return jnp.where(crossed, jnp.minimum(root, cap), cap)
+
+
+def _far(blocks: _Blocks, direction: Array, reach: Array) -> Array:
+    """An r beyond the crossing when the bilateral contacts set no cap: P is then linear in r."""
+    return 2 * reach / linalg.singular_value_max(blocks.perturbation(direction))

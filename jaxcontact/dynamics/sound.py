@@ -1,0 +1,67 @@
+"""Is this state one the theory speaks of? Looked at once, on plain values, at the door of `delassus`."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from .records import State
+
+OFF_CONSTRAINT = 0.5
+"""A gap counts as open beyond eps**OFF_CONSTRAINT times the size of the terms that make it up: half the digits."""
+
+
+def refuse_unsound(mechanism: Any, state: State, operators: Any, energy_at_rest: Any) -> None:
+    """Raise ValueError for a state or a mechanism outside the theory: what came, what was expected, what to write."""
+    owner = type(mechanism).__name__
+    parts = jax.tree.map(np.asarray, operators.terms)
+    q, v = np.asarray(state.q), np.asarray(state.v)
+    _refuse_nan(owner, mechanism, state)
+    if not np.isfinite(parts.M).all() or not np.isfinite(np.asarray(operators.L)).all():
+        raise ValueError(
+            f"{owner}: the mass matrix at q = {q} is not positive definite:\n{parts.M}\n"
+            "check the signs of masses and inertias, and that every coordinate carries mass"
+        )
+    if abs(float(energy_at_rest)) > 0:
+        raise ValueError(
+            f"{owner}: kinetic_energy must vanish at v = 0, got {float(energy_at_rest)}; "
+            "put terms without velocity into potential_energy or applied_force"
+        )
+    _refuse_undefined(owner, mechanism, parts)
+    _refuse_open(owner, mechanism, parts, q, v)
+
+
+def _refuse_nan(owner: str, mechanism: Any, state: State) -> None:
+    for path, leaf in jax.tree_util.tree_leaves_with_path((mechanism, state)):
+        if not np.isfinite(np.asarray(leaf)).all():
+            name = jax.tree_util.keystr(path[1:]).lstrip(".")
+            whose = owner if path[0].idx == 0 else "state"
+            raise ValueError(f"{whose}.{name} is {np.asarray(leaf)}: expected finite numbers")
+
+
+def _refuse_undefined(owner: str, mechanism: Any, parts: Any) -> None:
+    for k, contact in enumerate(mechanism.contacts):
+        if not np.isfinite(parts.G[:, k]).all():
+            raise ValueError(f"{owner}: the gradient of the gap of contact {contact.name!r} is {parts.G[:, k]}")
+        if not np.isfinite(parts.H[:, k]).all():
+            raise ValueError(
+                f"{owner}: the sliding direction of contact {contact.name!r} is undefined at this velocity "
+                f"({parts.H[:, k]}); give the state a velocity with a slip"
+            )
+
+
+def _refuse_open(owner: str, mechanism: Any, parts: Any, q: np.ndarray, v: np.ndarray) -> None:
+    """Gaps must be closed, and bilateral ones stay so, within rounding of the terms that make them up."""
+    tolerance = float(np.finfo(q.dtype).eps) ** OFF_CONSTRAINT
+    size, rate_size = np.abs(q) @ np.abs(parts.G), np.abs(v) @ np.abs(parts.G)
+    for k, contact in enumerate(mechanism.contacts):
+        if abs(parts.gap[k]) > tolerance * max(size[k], np.abs(parts.gap).max() * (size[k] == 0)):
+            raise ValueError(
+                f"{owner}: contact {contact.name!r} is not closed at this state, its gap is {parts.gap[k]:.3g} m; "
+                f"take the state from {owner}.state(...), or leave an open contact out"
+            )
+        if abs(parts.gap_rate[k]) > tolerance * rate_size[k]:
+            raise ValueError(
+                f"{owner}: contact {contact.name!r} opens or closes at {parts.gap_rate[k]:.3g} m/s; a persistent "
+                "contact needs velocities along the constraints"
+            )
