@@ -11,12 +11,12 @@ from jaxcontact.linalg.factors import (
     solve_lower,
     solve_lower_transposed,
 )
+from jaxcontact.linalg.jacobi import singular_values_jacobi
 from jaxcontact.linalg.singular import (
     singular_pair_max,
     singular_pair_min,
     singular_value_max,
     singular_value_min,
-    singular_values_jacobi,
 )
 from jaxcontact.linalg.spectrum import real_eigenvalue_max
 from jaxcontact.linalg.symmetric import symmetric_eigenvalue_max, symmetric_eigenvalue_min

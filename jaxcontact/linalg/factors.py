@@ -5,7 +5,8 @@ import jax.numpy as jnp
 from jax import lax
 from jax.scipy.linalg import solve_triangular
 
-from jaxcontact.linalg import compensated
+from jaxcontact.linalg.compensated import det2, det3
+from jaxcontact.linalg.orthogonal import reciprocal_square, remove
 from jaxcontact.linalg.unrolled import (
     UNROLL_LIMIT,
     Scalar,
@@ -116,30 +117,13 @@ def project_out(Q_of: jax.Array, X: jax.Array) -> jax.Array:
     if max(*Q_of.shape, X.shape[1]) > UNROLL_LIMIT:
         return _project_out_by_qr(Q_of, X)
     span, rest = columns(Q_of), columns(X)
-    sizes = [inner(q, q) for q in span]
+    noise = DEPENDENCE * float(jnp.finfo(X.dtype).eps)
+    limits = [inner(q, q) * (noise * noise) for q in span]
     while span:
-        q, size = span.pop(0), sizes.pop(0)
-        weight = _reciprocal_square(q, size)
-        span = [_remove(q, weight, x) for x in span]
-        rest = [_remove(q, weight, x) for x in rest]
+        q, span = span[0], span[1:]
+        weight = reciprocal_square(q, limits.pop(0))
+        span, rest = ([remove(q, weight, x)[1] for x in cols] for cols in (span, rest))
     return from_columns(rest, X.shape[0], X.dtype)
-
-
-def _reciprocal_square(q: list[Scalar], size: Scalar) -> Scalar:
-    """1 / |q|^2, or 0 where what is left of a column of squared length `size` is rounding: it adds nothing to the span."""
-    left = inner(q, q)
-    noise = DEPENDENCE * float(jnp.finfo(left.dtype).eps)
-    dependent = left <= size * (noise * noise)
-    return shield(jnp.where(dependent, 0, 1 / jnp.where(dependent, 1, left)))
-
-
-def _remove(q: list[Scalar], weight: Scalar, x: list[Scalar]) -> list[Scalar]:
-    """x - q (q^T x) weight, then once more: the first pass leaves eps |x| along q, the second removes it."""
-    t = shield(inner(q, x) * weight)
-    for_each = [(x_i, *compensated.two_product(t, q_i)) for x_i, q_i in zip(x, q, strict=True)]
-    r = [(x_i - p) - e for x_i, p, e in for_each]
-    t = shield(inner(q, r) * weight)
-    return [r_i - t * q_i for r_i, q_i in zip(r, q, strict=True)]
 
 
 def _project_out_by_qr(Q_of: jax.Array, X: jax.Array) -> jax.Array:
@@ -205,7 +189,7 @@ def det(A: jax.Array) -> jax.Array:
     if m == 1:
         return A[0, 0]
     if m == 2:
-        return compensated.det2(A[0, 0], A[0, 1], A[1, 0], A[1, 1])
+        return det2(A[0, 0], A[0, 1], A[1, 0], A[1, 1])
     if m == 3:
-        return compensated.det3(entries(A))
+        return det3(entries(A))
     return jnp.linalg.det(A)

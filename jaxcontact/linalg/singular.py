@@ -1,17 +1,19 @@
-"""Largest and smallest singular value of one matrix, with their vectors."""
+"""Largest and smallest singular value of one matrix, with their vectors.
+
+Derivatives: d sigma = u^T dX v with the unit vectors of the value. Where the value is repeated any pair of its subspace is a
+generalised derivative of Clarke's, and one is returned; at sigma_min = 0, a kink, u^T dX v for null vectors is one as well. None
+is NaN. The vectors have derivatives themselves, so second derivatives are right where the value is simple.
+"""
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
-from jaxcontact.linalg.decomposition import decomposition
-from jaxcontact.linalg.unrolled import columns, entries, inner
+from jaxcontact.linalg import extreme
+from jaxcontact.linalg.decomposition import decomposition, perturbed_pair
+from jaxcontact.linalg.unrolled import UNROLL_LIMIT, entries, inner
 
-Pair = tuple[jax.Array, jax.Array, jax.Array]
-
-
-def _check(X: jax.Array) -> None:
-    if X.ndim != 2:
-        raise ValueError(f"expected one matrix of shape (n, m), got shape {X.shape}; map a batch with jax.vmap")
+Triple = tuple[jax.Array, jax.Array, jax.Array]
 
 
 def singular_value_max(X: jax.Array) -> jax.Array:
@@ -22,7 +24,7 @@ def singular_value_max(X: jax.Array) -> jax.Array:
     _check(X)
     if 0 in X.shape:
         return jnp.zeros((), X.dtype)
-    return _value_max(X)
+    return _value_max(_tall(X))
 
 
 def singular_value_min(X: jax.Array) -> jax.Array:
@@ -39,17 +41,16 @@ def singular_value_min(X: jax.Array) -> jax.Array:
     return _value_min(X)
 
 
-def singular_pair_max(X: jax.Array) -> Pair:
+def singular_pair_max(X: jax.Array) -> Triple:
     """(u (n,), sigma, v (m,)), unit vectors with X v = sigma u for the largest singular value; n, m >= 1."""
     _check(X)
     if X.shape[0] < X.shape[1]:
-        v, sigma, u = singular_pair_max(X.T)
+        v, sigma, u = _triple_max(X.T)
         return u, sigma, v
-    U, s, V = decomposition(X)
-    return U[:, 0], s[0], V[:, 0]
+    return _triple_max(X)
 
 
-def singular_pair_min(X: jax.Array) -> Pair:
+def singular_pair_min(X: jax.Array) -> Triple:
     """(u (n,), sigma, v (m,)), unit vectors with X v = sigma u for the smallest singular value, m >= 1.
 
     If n < m, sigma is 0 whatever X: then u is zero, so that u^T dX v is its derivative, and v a unit null vector.
@@ -57,42 +58,53 @@ def singular_pair_min(X: jax.Array) -> Pair:
     _check(X)
     n, m = X.shape
     if n < m:
-        V = decomposition(jnp.concatenate([X, jnp.zeros((m - n, m), X.dtype)]))[2]
-        return jnp.zeros(n, X.dtype), 0 * jnp.sum(X), V[:, -1]
-    U, s, V = decomposition(X)
-    return U[:, -1], s[-1], V[:, -1]
+        v = _triple_min(jnp.concatenate([X, jnp.zeros((m - n, m), X.dtype)]))[2]
+        return jnp.zeros(n, X.dtype), 0 * jnp.sum(X), v
+    return _triple_min(X)
 
 
-def _bilinear(u: jax.Array, D: jax.Array, v: jax.Array) -> jax.Array:
-    """u^T D v, on scalars."""
-    v_entries = list(v)
-    return inner(list(u), [inner(row, v_entries) for row in entries(D)])
+def _check(X: jax.Array) -> None:
+    if X.ndim != 2:
+        raise ValueError(f"expected one matrix of shape (n, m), got shape {X.shape}; map a batch with jax.vmap")
 
 
-@jax.custom_jvp
-def _value_max(X: jax.Array) -> jax.Array:
-    return jnp.linalg.svd(X, compute_uv=False)[0]
+def _tall(X: jax.Array) -> jax.Array:
+    return X if X.shape[0] >= X.shape[1] else X.T
+
+
+_value_max = jax.custom_jvp(extreme.value_max)
+_value_min = jax.custom_jvp(extreme.value_min)
+_triple_max = jax.custom_jvp(extreme.triple_max)
+_triple_min = jax.custom_jvp(extreme.triple_min)
 
 
 @_value_max.defjvp
 def _value_max_jvp(primals, tangents):
-    """d sigma = u^T dX v; at a repeated value any pair of the subspace gives a Clarke generalised derivative."""
-    u, _, v = singular_pair_max(primals[0])
-    return _value_max(primals[0]), _bilinear(u, tangents[0], v)
-
-
-@jax.custom_jvp
-def _value_min(X: jax.Array) -> jax.Array:
-    return jnp.linalg.svd(X, compute_uv=False)[-1]
+    u, value, v = _triple_max(*primals)
+    return value, _bilinear(u, tangents[0], v)
 
 
 @_value_min.defjvp
 def _value_min_jvp(primals, tangents):
-    """As for the largest; at sigma = 0, where sigma has a kink, u^T dX v is one of the derivatives +-|u^T dX v| around it."""
-    u, _, v = singular_pair_min(primals[0])
-    return _value_min(primals[0]), _bilinear(u, tangents[0], v)
+    u, value, v = _triple_min(*primals)
+    return value, _bilinear(u, tangents[0], v)
 
 
-def singular_values_jacobi(X: jax.Array) -> jax.Array:
-    """All m singular values of X (n, m), n >= m, descending."""
-    return decomposition(X)[1]
+@_triple_max.defjvp
+def _triple_max_jvp(primals, tangents):
+    triple = _triple_max(*primals)
+    return triple, perturbed_pair(decomposition(*primals), triple, 0, tangents[0])
+
+
+@_triple_min.defjvp
+def _triple_min_jvp(primals, tangents):
+    triple = _triple_min(*primals)
+    return triple, perturbed_pair(decomposition(*primals), triple, primals[0].shape[1] - 1, tangents[0])
+
+
+def _bilinear(u: jax.Array, D: jax.Array, v: jax.Array) -> jax.Array:
+    """u^T D v, on scalars while small."""
+    if max(D.shape) > UNROLL_LIMIT:
+        return jnp.dot(u, jnp.dot(D, v, precision=lax.Precision.HIGHEST), precision=lax.Precision.HIGHEST)
+    v_entries = list(v)
+    return inner(list(u), [inner(row, v_entries) for row in entries(D)])
