@@ -16,18 +16,19 @@ def norm_ratio(operators: Delassus, ratio: Array | None = None) -> Array:
     """The bound r on friction, mu = r * ratio, below which the contact forces exist and are unique for every load.
 
     The frictionless bilateral contacts are eliminated by Schur complement; of what is left the bound is
-    sigma_min(W) / sigma_max(Wt diag(ratio)). That one rule is Proposition 10 (all contacts bilateral and frictional), 12
-    (bilateral, some frictionless), 13 (unilateral), 15 (frictionless bilateral with unilateral) or the direct bound
+    sigma_min(W) / sigma_max(Wt diag(ratio)). That one rule is Proposition 10 (all contacts bilateral and frictional),
+    12 (bilateral, some frictionless), 13 (unilateral), 15 (frictionless bilateral with unilateral) or the direct bound
     (anything else), according to the contacts. Sufficient; the exact threshold is `critical`.
 
     `norm_ratio(delassus(guides, guides.state(theta=0.9)))`
 
-    It depends on the scaling of the rows: a gap measured in other units than metres, or by a function whose gradient is not
-    that of a distance, changes it, though the contact problem stays the same. Masses enter by their ratios only.
+    It depends on the scaling of the rows: a gap measured in other units than metres, or by a function whose gradient is
+    not that of a distance, changes it, though the contact problem stays the same. Masses enter by their ratios only.
 
     Args:
         operators: from `delassus`.
-        ratio: (m,) friction coefficients up to a factor, in the order of the contacts; entries of frictionless contacts are
+        ratio: (m,) friction coefficients up to a factor, in the order of the contacts; entries of frictionless contacts
+        are
             ignored. None: equal coefficients.
 
     Returns:
@@ -51,7 +52,8 @@ def norm_ratio_of_factors(N: Array, T: Array) -> Array:
 
 
 def safe_ratio(top: Array, bottom: Array) -> Array:
-    """top / bottom for top, bottom >= 0: inf where only bottom is zero, 0 where top is zero, NaN of either passed on."""
+    """top / bottom for top, bottom >= 0: inf where only bottom is zero, 0 where top is zero, NaN of either passed
+    on."""
     quotient = top / jnp.where(bottom == 0, 1.0, bottom)
     return jnp.where(top == 0, 0.0 * bottom, jnp.where(bottom == 0, jnp.inf + 0.0 * top, quotient))
 

@@ -22,10 +22,11 @@ SCAN_POINTS = 256
 def prop14(operators: Delassus, ratio: Array, xi: Array | None = None) -> Array:
     """Proposition 14: the first r with |P_mu|_2 beta_2(M_ub^0) = 1 along mu = r * ratio, capped by the bilateral bound.
 
-    Hypothesis: M and A_nb positive definite, independent gaps, frictional bilateral contacts. Guarantee: M_ub^mu of (62) is a
-    P-matrix, so forces and accelerations exist and are unique, for the signs `xi` of sliding; with xi None the least over all
-    signs. Load class: any. P_mu by (64) to (67) with errata A14 to A16; beta_2 at its vertices, which is exact.
-    It depends on the unit of mass, since M_ub^0 mixes 1 and 1/mass: `direct` does not, and neither dominates the other.
+    Hypothesis: M and A_nb positive definite, independent gaps, frictional bilateral contacts. Guarantee: M_ub^mu of
+    (62) is a P-matrix, so forces and accelerations exist and are unique, for the signs `xi` of sliding; with xi None
+    the least over all signs. Load class: any. P_mu by (64) to (67) with errata A14 to A16; beta_2 at its vertices,
+    which is exact. It depends on the unit of mass, since M_ub^0 mixes 1 and 1/mass: `direct` does not, and neither
+    dominates the other.
 
     `prop14(delassus(rod, rod.state(theta=0.9)), xi=jnp.array([1.0, -1.0]))`
 
@@ -87,7 +88,8 @@ class _Blocks:
         return jnp.concatenate([jnp.concatenate([2 * K, P12], axis=1), jnp.concatenate([P21, P22], axis=1)])
 
     def beta_2(self) -> Array:
-        """beta_2(M_ub^0) = max over gamma in the unilateral contacts of |[[I, G A^-1], [0, A^-1]]|_2, A = A_c[gamma, gamma]."""
+        """beta_2(M_ub^0) = max over gamma in the unilateral contacts of |[[I, G A^-1], [0, A^-1]]|_2, A = A_c[gamma,
+        gamma]."""
         subsets = [g for k in range(len(self.u) + 1) for g in itertools.combinations(range(len(self.u)), k)]
         return jnp.max(jnp.stack([self._vertex_norm(g) for g in subsets]))
 

@@ -41,14 +41,15 @@ def slopes(
 ) -> Slopes:
     """`norm_ratio` at a point of a family of configurations, with its one-sided slopes along a direction.
 
-    At coincident singular values the one-sided derivatives are those of the largest or smallest eigenvalue over the singular
-    subspaces (mathematics: max' = lambda_max(sym(U^T dX V)), min' = lambda_min(V^T dW V)); a gradient there is only one
-    element of Clarke's set. The best geometry of an optimiser is often such a point.
+    At coincident singular values the one-sided derivatives are those of the largest or smallest eigenvalue over the
+    singular subspaces (mathematics: max' = lambda_max(sym(U^T dX V)), min' = lambda_min(V^T dW V)); a gradient there is
+    only one element of Clarke's set. The best geometry of an optimiser is often such a point.
 
     Args:
         operators_of: from a point (any pytree of floats) to its Delassus operators.
         at, direction: the point and the direction, of the same structure.
-        closeness: singular values within `closeness` times the largest count as coincident; None: 64 roundings. A larger
+        closeness: singular values within `closeness` times the largest count as coincident; None: 64 roundings. A
+        larger
             value asks whether a kink is near.
 
     Example: at the top of the Painlevé-Klein curve,

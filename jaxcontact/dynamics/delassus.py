@@ -21,11 +21,11 @@ from .terms import Terms, terms
 class Delassus:
     """What the contacts feel: W = N^T N and Wt = N^T T by their factors, and the free acceleration w.
 
-    The gaps accelerate as W lambda_n + Wt lambda_t + w. Singular values are taken from the factors: forming W squares the
-    condition number and, in float32, loses all digits where the contacts nearly depend on each other.
+    The gaps accelerate as W lambda_n + Wt lambda_t + w. Singular values are taken from the factors: forming W squares
+    the condition number and, in float32, loses all digits where the contacts nearly depend on each other.
 
-    The printed blocks are attributes (section 1.2 of the tutorial), in the user's order within each kind: A_nb, A_tb, A_nu,
-    A_tu, A_nbnu, A_nbtu, A_nutb.
+    The printed blocks are attributes (section 1.2 of the tutorial), in the user's order within each kind: A_nb, A_tb,
+    A_nu, A_tu, A_nbnu, A_nbtu, A_nutb.
     """
 
     N: Array
@@ -107,8 +107,8 @@ def delassus(mechanism: Any, state: State) -> Delassus:
 
     `delassus(guides, guides.state(theta=0.9)).A_nb`
 
-    Works for one state; batches through `jax.vmap`. Called with plain values it is checked; inside a trace nothing can be
-    raised, and a mass matrix that is not positive definite makes every entry NaN.
+    Works for one state; batches through `jax.vmap`. Called with plain values it is checked; inside a trace nothing can
+    be raised, and a mass matrix that is not positive definite makes every entry NaN.
 
     Raises (eager calls only, but for the shapes):
         ValueError: if a value is NaN, the mass matrix is not positive definite, the kinetic energy does not vanish at
@@ -129,12 +129,14 @@ def assemble(mechanism: Any, state: State) -> Delassus:
 
 
 def delassus_from_matrices(W: Array, Wt: Array, w: Array | None = None, *, contacts: tuple[Contact, ...]) -> Delassus:
-    """Delassus operators from the matrices themselves, for those who have no mechanism but W = G^T M^-1 G and Wt = G^T M^-1 H.
+    """Delassus operators from the matrices themselves, for those who have no mechanism but W = G^T M^-1 G and Wt = G^T
+    M^-1 H.
 
     `delassus_from_matrices(W, Wt, contacts=(jc.Contact("a", "bilateral", True), jc.Contact("b", "bilateral", True)))`
 
     Args:
-        W: (m, m) symmetric positive definite. Wt: (m, m); columns of frictionless contacts are ignored. w: (m,), zeros if None.
+        W: (m, m) symmetric positive definite. Wt: (m, m); columns of frictionless contacts are ignored. w: (m,), zeros
+        if None.
 
     A singular W gives NaN factors: from the matrix alone its rank cannot be told from rounding.
 

@@ -14,9 +14,11 @@ from .records import Coordinate
 
 
 def parameter(default: float | None, unit: str = "", doc: str = "", *, positive: bool = False) -> Any:
-    """A parameter of a mechanism with its unit and meaning: `mass: float = parameter(1.0, "kg", "of the rod", positive=True)`.
+    """A parameter of a mechanism with its unit and meaning: `mass: float = parameter(1.0, "kg", "of the rod",
+    positive=True)`.
 
-    A bare `mass: float = 1.0` works as well; this one labels the axes of sweeps and refuses values that are not positive.
+    A bare `mass: float = 1.0` works as well; this one labels the axes of sweeps and refuses values that are not
+    positive.
     """
     return dataclasses.field(default=default, metadata={"unit": unit, "doc": doc, "positive": positive})
 
@@ -33,8 +35,8 @@ def static(default: Any, doc: str = "") -> Any:
 def mechanism(cls: type) -> type:
     """Make `cls` a mechanism: a frozen dataclass, registered as a pytree whose leaves are its parameters.
 
-    The class says what it knows (design: `contacts`, `kinetic_energy` or `mass_matrix`, `potential_energy`, `applied_force`,
-    `gaps`, `slips`, `state`); the rest is derived, see `jaxcontact.dynamics.terms`.
+    The class says what it knows (design: `contacts`, `kinetic_energy` or `mass_matrix`, `potential_energy`,
+    `applied_force`, `gaps`, `slips`, `state`); the rest is derived, see `jaxcontact.dynamics.terms`.
 
     Example:
         @jc.mechanism
@@ -102,7 +104,8 @@ def _register(cls: type) -> None:
 
 
 def _checked(owner: str, field: dataclasses.Field, value: Any) -> Any:
-    """A parameter value as given, plain numbers as float; NaN and forbidden signs are refused where they can be seen."""
+    """A parameter value as given, plain numbers as float; NaN and forbidden signs are refused where they can be
+    seen."""
     where = f"{owner}.{field.name}"
     if isinstance(value, bool | str):
         raise TypeError(f"{where} must be a number, got {value!r}")

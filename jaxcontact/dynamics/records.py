@@ -48,8 +48,8 @@ class State:
 
     `State(jnp.array([0.0, 0.4, 0.9]), jnp.array([1.0, 0.0, 0.0]))`
 
-    Without velocities the state is at rest *statically*: no velocity term is assembled for it (`at_rest`), while `v` still
-    reads as zeros.
+    Without velocities the state is at rest *statically*: no velocity term is assembled for it (`at_rest`), while `v`
+    still reads as zeros.
 
     Args:
         q: (n,) generalised coordinates, m or rad; float32 or float64. Integers become the default float.

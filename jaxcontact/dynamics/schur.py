@@ -20,7 +20,8 @@ class BilateralSchur:
     w_c: Array
     """(m_u,) its free acceleration (34), with erratum A4."""
     P: Array | None
-    """(n, n) I - G_b A_nb^-1 G_b^T M^-1 (20): it takes generalised forces to those the bilateral constraints do not resist."""
+    """(n, n) I - G_b A_nb^-1 G_b^T M^-1 (20): it takes generalised forces to those the bilateral constraints do not
+    resist."""
     Mc_inverse: Array | None
     """(n, n) M_c^-1 = M^-1 P, symmetric positive semi-definite."""
 
@@ -29,8 +30,8 @@ def without_frictionless_bilateral(operators: Delassus) -> Delassus:
     """The Delassus operators of the contacts that remain when the frictionless bilateral ones are eliminated.
 
     With Q the projection that removes span(N_0), the remaining factors are Q N and Q T, whose products are the Schur
-    complements of section 3.2.3: A~_nb = A_mu - A_0mu^T A_00^-1 A_0mu, A~_tb alike, and w~ (errata A8 to A10). Taken on the
-    factors they lose no digits where the contacts nearly depend on each other.
+    complements of section 3.2.3: A~_nb = A_mu - A_0mu^T A_00^-1 A_0mu, A~_tb alike, and w~ (errata A8 to A10). Taken on
+    the factors they lose no digits where the contacts nearly depend on each other.
 
     `without_frictionless_bilateral(here).contacts`
     """

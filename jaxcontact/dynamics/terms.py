@@ -3,8 +3,8 @@
 Equation (1a) of the tutorial with the sign of `F` used there:  M(q) a + F(q, v, t) = G lambda_n + H lambda_t.
 
 Derivatives are taken coordinate by coordinate, on separate scalars: a `jvp` in one scalar with the others closed over
-leaves only scalars behind, which XLA fuses over a batch; a one-hot basis pushed through `vmap` (`jacfwd`, `hessian`) would
-stay in the program as a small batch axis and cost ten times more.
+leaves only scalars behind, which XLA fuses over a batch; a one-hot basis pushed through `vmap` (`jacfwd`, `hessian`)
+would stay in the program as a small batch axis and cost ten times more.
 """
 
 import inspect
@@ -46,8 +46,8 @@ def terms(mechanism: Any, state: State) -> Terms:
     """The terms of (1a) at a state; whatever the mechanism states by hand replaces the derived term.
 
     Stated by hand they are `mass_matrix(q)`, `bias(q, v, t)` = F, `gap_gradients(q)` = G, `slip_directions(q)` = H and
-    `gap_curvature(q, v)` = c. Derived: M from `kinetic_energy` (a quadratic form in v), F from the Euler-Lagrange equations
-    with `potential_energy` and `applied_force`, G and c from `gaps`, H from `slips`.
+    `gap_curvature(q, v)` = c. Derived: M from `kinetic_energy` (a quadratic form in v), F from the Euler-Lagrange
+    equations with `potential_energy` and `applied_force`, G and c from `gaps`, H from `slips`.
 
     Example: `terms(guides, guides.state(theta=0.9)).M`.
 
@@ -84,7 +84,8 @@ def _mass_matrix(mechanism, q: Array, v: Array) -> Array:
 
 
 def _bias(mechanism, q: Array, v: Array, t: Array, at_rest: bool) -> Array:
-    """F = d/dt(dT/dv) - dT/dq + dV/dq - Q at zero acceleration; at rest only dV/dq - Q is left, T being quadratic in v."""
+    """F = d/dt(dT/dv) - dT/dq + dV/dq - Q at zero acceleration; at rest only dV/dq - Q is left, T being quadratic in
+    v."""
     n = q.shape[0]
     if hasattr(mechanism, "bias"):
         return _shaped(mechanism, "bias", mechanism.bias(q, v, t), (n,))

@@ -21,8 +21,8 @@ class ArticulatedPainleveKlein:
      (x, y) o  ) theta_1       lower guide y = 0
     =======================
 
-    Reference point: the lower end. Coordinates q = (x, y, theta_1, theta_2) in m, m, rad, rad (erratum A18), angles from
-    the horizontal. Straight, theta_1 = theta_2: bound (Prop. 10) = critical = cot theta, where the gradient in
+    Reference point: the lower end. Coordinates q = (x, y, theta_1, theta_2) in m, m, rad, rad (erratum A18), angles
+    from the horizontal. Straight, theta_1 = theta_2: bound (Prop. 10) = critical = cot theta, where the gradient in
     (theta_1, theta_2) has a kink. Closed forms: Figure 6.
 
     Source: Blumentals, Brogliato, Bertails-Descoubes, HAL hal-01096394v1, section 3.2.2, Figure 6.
@@ -69,10 +69,11 @@ class ArticulatedPainleveKlein:
         return jnp.stack([v[0], v[0] - 0.5 * self.length * (jnp.sin(q[2]) * v[2] + jnp.sin(q[3]) * v[3])])
 
     def state(self, theta1, theta2=None, x=0.0, speed=None, theta1dot=None) -> State:
-        """Both ends in the guides and staying there: theta_2' follows from theta_1'. At rest unless a velocity is given.
+        """Both ends in the guides and staying there: theta_2' follows from theta_1'. At rest unless a velocity is
+        given.
 
-        Without theta2 it follows from the distance of the guides, theta_2 = arcsin(2D/l - sin theta_1), NaN where they are
-        too far apart; without that distance either, the links are straight.
+        Without theta2 it follows from the distance of the guides, theta_2 = arcsin(2D/l - sin theta_1), NaN where they
+        are too far apart; without that distance either, the links are straight.
         """
         theta2 = self._second_angle(theta1) if theta2 is None else theta2
         q = jnp.array([x, 0.0, theta1, theta2])

@@ -21,8 +21,8 @@ class FlexiblePainleveKlein:
     ======================
 
     Reference point: the lower tip. Coordinates q = (x, y, d, theta) in m, m, m, rad. Centres of the halves at l/4 and
-    3l/4 + d along the line. Negative d down to -l/2 telescopes; below -l the tips have changed places, which the algebra
-    allows (the d = -1.2 l of Figure 5).
+    3l/4 + d along the line. Negative d down to -l/2 telescopes; below -l the tips have changed places, which the
+    algebra allows (the d = -1.2 l of Figure 5).
     Bound (Prop. 10): (3d^2 + 3dl + l^2) / (l (3d + 2l) sin theta cos theta) for d > -2l/3. Unique for every load if and
     only if mu_1 + mu_2 < (6d^2 + 9dl + 4l^2 + p cos 2theta) / (|p| sin theta cos theta), p = l (3d + 2l) (erratum A17).
 

@@ -19,8 +19,8 @@ class GuidedRodUnderCeiling(RigidRod):
            o  ) theta      -> f_b, guide y = 0
     ===================
 
-    Reference point: the centre of mass. The horizontal forces f_b, f_u at the tips pull in +x. Between guide and ceiling
-    the angle cannot change, theta' = 0 (but at theta = pi/2: A_c = 0 and w_c = l theta'^2, erratum A6).
+    Reference point: the centre of mass. The horizontal forces f_b, f_u at the tips pull in +x. Between guide and
+    ceiling the angle cannot change, theta' = 0 (but at theta = pi/2: A_c = 0 and w_c = l theta'^2, erratum A6).
     A_c = 12 cos^2 theta / (m (3 cos^2 theta + 1)); w_c after erratum A5. With friction at both tips, exactly:
     mu_b < (1 + 3 cos^2 theta) / (3 sin theta cos theta) and mu_b + xi_u mu_u < 2 cot theta.
 

@@ -15,13 +15,13 @@ class LinearBearing:
         [contact]-----*-----[contact]   ------  shaft y = 0
         |<-------- length X -------->|
 
-    Reference point: the middle of the carriage, on the shaft; the centre of mass lies there. Coordinates q = (x, y, theta) in
-    m, m, rad. Two rough bilateral contacts on the shaft, X apart, and a frictionless constraint that makes the driven point
-    advance at a given speed. The carriage jams at mu = X / (2 Y), whatever the load: 0.25 at Y = 2 X. `norm_ratio` (Prop. 12)
-    gives that value as long as 4 (J + m Y^2) >= m X^2 and the gaps are in metres.
+    Reference point: the middle of the carriage, on the shaft; the centre of mass lies there. Coordinates q = (x, y,
+    theta) in m, m, rad. Two rough bilateral contacts on the shaft, X apart, and a frictionless constraint that makes
+    the driven point advance at a given speed. The carriage jams at mu = X / (2 Y), whatever the load: 0.25 at Y = 2 X.
+    `norm_ratio` (Prop. 12) gives that value as long as 4 (J + m Y^2) >= m X^2 and the gaps are in metres.
 
-    Source: the 2:1 ratio of plain-bearing design guides (igus, PBC Linear); moments about the middle give it in two lines:
-    P Y = N X and P = 2 mu N.
+    Source: the 2:1 ratio of plain-bearing design guides (igus, PBC Linear); moments about the middle give it in two
+    lines: P Y = N X and P = 2 mu N.
     """
 
     length: float = parameter(1.0, "m", "distance X between the two contacts", positive=True)

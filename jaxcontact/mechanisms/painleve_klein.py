@@ -19,8 +19,8 @@ class PainleveKlein(RigidRod):
     <- F_1 o  ) theta       lower guide y = 0
     ===================
 
-    Reference point: the centre of mass. The forces F_1 (lower tip) and F_2 (upper tip) pull in -x. The guides fix theta.
-    With both guides rough the bound (Prop. 10) is min(1 / (3 sin theta cos theta), cot theta), with a kink at
+    Reference point: the centre of mass. The forces F_1 (lower tip) and F_2 (upper tip) pull in -x. The guides fix
+    theta. With both guides rough the bound (Prop. 10) is min(1 / (3 sin theta cos theta), cot theta), with a kink at
     cos^2 theta = 1/3; unique for every load if and only if mu_1 + mu_2 < 2 cot theta (erratum B1). With one rough guide
     (Prop. 12): 2 cot theta, which is exact.
 

@@ -19,7 +19,8 @@ from ..dynamics import Coordinate, State, mechanism, parameter
 
 @mechanism
 class RigidRod:
-    """The rod itself, its lower tip standing at height zero; what touches it is said by the mechanisms derived from it."""
+    """The rod itself, its lower tip standing at height zero; what touches it is said by the mechanisms derived from
+    it."""
 
     length: float = parameter(1.0, "m", "length of the rod", positive=True)
     mass: float = parameter(1.0, "kg", "mass of the rod", positive=True)
