@@ -1,0 +1,109 @@
+"""The derivative of a solution, attached to the problem and the answer and not to the method that found it.
+
+On one mode the solution x = z - w of the normal form F u + P z - N w + q = 0 solves K (u, x) + q = 0, hence
+
+    d(u, x) = -K^-1 (dF u + dP z - dN w + dq),   dz_i = d_i dx_i,   dw_i = (d_i - 1) dx_i,
+
+with K = [F, P diag(d) + N diag(1 - d)] and d_i = 1 on active pairs, 0 on open ones. For an LCP this is
+dz = -(I - D + D M)^-1 D (dM z + dq) (Chen and Xiang, Math. Program. 106, 2006).
+
+- Degenerate pairs, z_i = w_i = 0, take d_i = 1/2: an element of Clarke's generalised derivative, the one JAX also
+  takes for jnp.minimum at a tie. K is regular for every d in [0, 1]^m if M is a P-matrix.
+- Dependent equations (`redundant`): K^-1 is the inverse of a largest regular block, so what is determined (slacks,
+  products with the matrix) has its derivative and the multipliers have that of one basic choice.
+- A point that is not finite has no derivative here: zero, so that it spoils neither the batch nor shared parameters.
+"""
+
+from functools import singledispatch
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxcontact.complementarity.forms import NormalForm, mode_matrix, normal_form
+from jaxcontact.complementarity.inverse import dot, inverse
+from jaxcontact.complementarity.judge import classify
+from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, HorizontalLCP
+
+AT_A_KINK = 0.5
+"""d_i at a degenerate pair: halfway between contact held and contact open."""
+
+
+@singledispatch
+def implicit(problem, unknown):
+    """`unknown`, unchanged, as a differentiable function of the problem's data.
+
+    unknown: z (m,) for an LCP; (u, v) for an MLCP; (z, w) for a HorizontalLCP; x (m,) for an AbsoluteValueEquation.
+    It must be a solution: nothing is checked here. Forward, reverse, second order and vmap all work.
+    Raises TypeError for other records.
+
+    >>> jax.jacfwd(lambda q: implicit(LCP(M, q), z))(q)     # -(M_SS)^-1 on the active set S
+    """
+    raise TypeError(f"expected LCP, MLCP, HorizontalLCP or AbsoluteValueEquation, got {type(problem).__name__}")
+
+
+@implicit.register
+def _(problem: LCP, unknown):
+    z = lax.stop_gradient(unknown)
+    w = lax.stop_gradient(dot(problem.M, z) + problem.q)
+    return attach(problem, z[:0], z, w)[1]
+
+
+@implicit.register
+def _(problem: MLCP, unknown):
+    u, v = lax.stop_gradient(unknown)
+    w = lax.stop_gradient(dot(problem.D, u) + dot(problem.B, v) + problem.b)
+    return attach(problem, u, v, w)[:2]
+
+
+@implicit.register
+def _(problem: HorizontalLCP, unknown):
+    z, w = lax.stop_gradient(unknown)
+    return attach(problem, z[:0], z, w)[1:]
+
+
+@implicit.register
+def _(problem: AbsoluteValueEquation, unknown):
+    x = lax.stop_gradient(unknown)
+    _, z, w = attach(problem, x[:0], jnp.maximum(x, 0), jnp.maximum(-x, 0))
+    return z - w
+
+
+def attach(problem, free, z, w):
+    """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite."""
+    form = normal_form(problem)
+    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in (*form, free, z, w)]).all()
+    harmless = _harmless(form)
+    form = jax.tree.map(lambda part, safe: jnp.where(finite, part, safe), form, harmless)
+    inner = [jnp.where(finite, part, 0) for part in (free, z, w)]
+    active, degenerate = classify(lax.stop_gradient(problem), lax.stop_gradient(form), inner[1], inner[2])
+    weight = jnp.where(degenerate, AT_A_KINK, active.astype(z.dtype)).astype(z.dtype)
+    outer = _attached(form, weight, *inner)
+    return tuple(jnp.where(finite, part, given) for part, given in zip(outer, (free, z, w), strict=True))
+
+
+def _harmless(form):
+    """A form of the same shapes with K = I for every mode."""
+    rows, k = form.F.shape
+    eye = jnp.eye(rows, dtype=form.q.dtype)
+    return NormalForm(eye[:, :k], eye[:, k:], eye[:, k:], jnp.zeros_like(form.q))
+
+
+@jax.custom_jvp
+def _attached(form, weight, free, z, w):
+    return free, z, w
+
+
+@_attached.defjvp
+def _(primals, tangents):
+    form, weight, *point = primals
+    dform = tangents[0]
+    free, z, w = _attached(form, weight, *point)
+    K = mode_matrix(form, weight)
+    load = dot(dform.F, free) + dot(dform.P, z) - dot(dform.N, w) + dform.q
+    G = inverse(K)
+    step = -dot(G, load)
+    step = step - dot(G, dot(K, step) + load)
+    k = form.F.shape[1]
+    dx = step[k:]
+    return (free, z, w), (step[:k], weight * dx, (weight - 1) * dx)

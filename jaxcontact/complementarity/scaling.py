@@ -1,0 +1,95 @@
+"""Powers of two, exactly: scaling by them changes no digit of a problem.
+
+D M D and D q with D_i about 1/sqrt(M_ii) make every contact's own stiffness about one, whatever the units and masses;
+then one power of two each brings matrix and vector to a size about one. All factors are built from exponent bits, so
+that a solve of M 2^a, q 2^b or D M D, D q runs through the same numbers bit by bit.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+EXPONENT_MARGIN = 2
+"""Exponents stay this far from the ends of the format, where subnormal numbers lose digits."""
+
+
+class Scaled(NamedTuple):
+    """M and q of about unit size, and the exponents that lead back."""
+
+    M: jax.Array
+    q: jax.Array
+    rows: jax.Array
+    """(m,) int: M_scaled = 2^(rows_i + rows_j - size_M) M, q_scaled = 2^(rows_i - size_q) q."""
+    size_M: jax.Array
+    size_q: jax.Array
+
+    def unscale(self, z):
+        """z of the caller from z of the scaled problem."""
+        return times_power_of_two(z, self.rows + self.size_q - self.size_M)
+
+    def rescale(self, z):
+        """z of the scaled problem from z of the caller."""
+        return times_power_of_two(z, self.size_M - self.size_q - self.rows)
+
+
+def scaled(M, q):
+    """Scale LCP data (m, m), (m,), m >= 1, by powers of two. Zero rows and non-positive diagonals fall back on the
+    largest entries of row and column (numerics of Lemke's method).
+
+    >>> scaled(jnp.diag(jnp.array([4.0, 1.0])), jnp.array([-2.0, -1.0])).rows     # -1, 0
+    """
+    rows = row_exponents(M)
+    balanced = times_power_of_two(M, rows[:, None] + rows[None, :])
+    moved = times_power_of_two(q, rows)
+    size_M = exponent(jnp.max(jnp.abs(balanced)))
+    size_q = exponent(jnp.max(jnp.abs(moved)))
+    return Scaled(
+        times_power_of_two(M, rows[:, None] + rows[None, :] - size_M),
+        times_power_of_two(q, rows - size_q),
+        rows,
+        size_M,
+        size_q,
+    )
+
+
+def row_exponents(M):
+    """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 2). Where M_ii <= 0 the
+    largest entries of row and column stand in, and a zero row and column leaves e = 0."""
+    diagonal = jnp.diagonal(M)
+    across, down = jnp.max(jnp.abs(M), axis=1), jnp.max(jnp.abs(M), axis=0)
+    one_sided = jnp.where(across > 0, exponent(across), exponent(down))
+    both = (exponent(across) + exponent(down)) // 2
+    fallback = jnp.where((across > 0) & (down > 0), both, one_sided)
+    return -(jnp.where(diagonal > 0, exponent(diagonal), fallback) // 2)
+
+
+def exponent(x):
+    """(…) int e with 2^(e-1) <= |x| < 2^e; 0 at zero, at NaN and at infinity.
+
+    >>> exponent(jnp.array([1.0, 0.75, 8.0]))     # 1, 0, 4
+    """
+    bits, integer, bias = _layout(x.dtype)
+    field = (lax.bitcast_convert_type(x, integer) >> bits) & (2 * bias + 1)
+    return jnp.where((x != 0) & jnp.isfinite(x), field - bias + 1, 0).astype(integer)
+
+
+def power_of_two(k, dtype):
+    """2^k exactly, k clipped to the normal numbers of the dtype."""
+    bits, integer, bias = _layout(dtype)
+    held = jnp.clip(k, EXPONENT_MARGIN - bias, bias - EXPONENT_MARGIN)
+    return lax.bitcast_convert_type((held + bias).astype(integer) << bits, jnp.dtype(dtype))
+
+
+def times_power_of_two(x, k):
+    """x 2^k in two steps, so that only the product can overflow and not the factor."""
+    half = k // 2
+    return x * power_of_two(half, x.dtype) * power_of_two(k - half, x.dtype)
+
+
+def _layout(dtype):
+    """Bits of the fraction, integer of the same width, exponent bias of an IEEE format."""
+    information = jnp.finfo(dtype)
+    integer = jnp.int64 if information.bits == 64 else jnp.int32
+    return information.nmant, integer, information.maxexp - 1

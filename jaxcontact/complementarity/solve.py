@@ -1,0 +1,100 @@
+"""The one loop: a problem and a method in, a judged and differentiable solution out."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxcontact.complementarity.derivative import attach
+from jaxcontact.complementarity.forms import sizes
+from jaxcontact.complementarity.judge import Claim, judge
+from jaxcontact.complementarity.problems import LCP, AbsoluteValueEquation, Problem, check_finite
+from jaxcontact.complementarity.solution import Solution
+from jaxcontact.complementarity.status import Status
+
+
+def solve(problem, method, start=None):
+    """The `Solution` of one problem by one method; `jax.vmap` for batches.
+
+    start: (m,) a guess of z, used by iterations and ignored by pivoting; a guess with NaN or negative entries is
+    ignored too (`Solution.start_used`).
+    Raises ValueError or TypeError for shapes, dtypes and eager values that cannot be meant; traced data that are not
+    finite give BAD_INPUT and NaN. The solution is differentiable in the problem's data, whichever method found it.
+
+    >>> solve(LCP([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0]), Lemke()).z     # (4/3, 7/3)
+    """
+    _check_door(problem, method, start)
+    return _solved(problem, method, start)
+
+
+@partial(jax.jit, static_argnames=("method",))
+def _solved(problem, method, start):
+    fixed = lax.stop_gradient(problem)
+    start, start_used = _usable(start, sizes(problem)[1])
+    claim, steps = _claimed(fixed, method, start)
+    verdict = judge(fixed, claim)
+    answered = (verdict.status == int(Status.SOLVED)) | (verdict.status == int(Status.REDUNDANT))
+    point = [jnp.where(answered, part, jnp.nan) for part in (verdict.free, verdict.z, verdict.w)]
+    free, z, w = attach(problem, *point)
+    return Solution(
+        z=z,
+        w=w,
+        free=z - w if isinstance(problem, AbsoluteValueEquation) else free,
+        status=verdict.status,
+        residual=verdict.residual,
+        backward_error=verdict.backward_error,
+        steps=steps,
+        active=verdict.active & answered,
+        degenerate=jnp.where(answered, verdict.degenerate, 0),
+        redundant=verdict.redundant & answered,
+        condition=verdict.condition,
+        attempt=verdict.z,
+        start_used=start_used,
+    )
+
+
+def _claimed(problem, method, start):
+    """The method's `Claim` on the normal form of the problem, and its steps."""
+    answer, steps = iterate(problem, method, start)
+    return Claim(problem.q[:0], answer.z, answer.z, answer.outcome, answer.certificate), steps
+
+
+def iterate(problem: LCP, method, start):
+    """Run the method's steps on an LCP until it is done or its budget is spent: (answer, steps)."""
+    m = problem.q.shape[0]
+    budget = method.budget(m)
+
+    def unfinished(carry):
+        state, steps = carry
+        return ~state.done & (steps < budget)
+
+    def advance(carry):
+        state, steps = carry
+        return method.step(problem, state), steps + 1
+
+    state, steps = lax.while_loop(unfinished, advance, (method.init(problem, start), jnp.int32(0)))
+    return method.read(problem, state), steps
+
+
+def _usable(start, m):
+    """The start with bad values replaced by zero, and whether it was good; None stays None."""
+    if start is None:
+        return None, jnp.zeros((), bool)
+    good = jnp.all(jnp.isfinite(start)) & jnp.all(start >= 0)
+    return jnp.where(good, start, 0), good
+
+
+def _check_door(problem, method, start):
+    if not isinstance(problem, Problem):
+        raise TypeError(f"solve: expected a problem such as LCP(M, q), got {type(problem).__name__}")
+    if isinstance(method, type) or not all(hasattr(method, verb) for verb in ("init", "step", "read", "budget")):
+        raise TypeError(f"solve: expected a method such as Lemke(), got {method!r}")
+    vector = {"LCP": "q", "HorizontalLCP": "q", "MLCP": "b", "AbsoluteValueEquation": "w"}[type(problem).__name__]
+    values = getattr(problem, vector)
+    if values.ndim != 1:
+        raise ValueError(f"solve: takes one problem, got {vector} {values.shape}; write jax.vmap(solve, (0, None))")
+    for name, array in vars(problem).items():
+        check_finite(f"{type(problem).__name__}.{name}", array)
+    if start is not None and jnp.shape(start) != values.shape:
+        raise ValueError(f"solve: start has shape {jnp.shape(start)}, the problem needs {values.shape}")
