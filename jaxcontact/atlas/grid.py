@@ -76,7 +76,9 @@ def scalar_parameters(mechanism: object) -> tuple[str, ...]:
         return ()
     leaves = [path for path, leaf in jax.tree_util.tree_leaves_with_path(mechanism) if jnp.ndim(leaf) == 0]
     seen = {path[0].name for path in leaves if len(path) == 1 and isinstance(path[0], jax.tree_util.GetAttrKey)}
-    return tuple(field.name for field in dataclasses.fields(mechanism) if field.name in seen)
+    # A parameter that is None, "derived unless stated", has no leaf but may be stated.
+    unset = {f.name for f in dataclasses.fields(mechanism) if getattr(mechanism, f.name) is None and not _static(f)}
+    return tuple(field.name for field in dataclasses.fields(mechanism) if field.name in seen | unset)
 
 
 def argument_names(quantity: Callable, mechanism: object) -> tuple[str, ...]:
@@ -95,6 +97,10 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     """A hint ` (did you mean 'theta'?)` for a mistyped name, empty if nothing valid is close."""
     close = difflib.get_close_matches(name, list(valid), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _static(field: dataclasses.Field) -> bool:
+    return field.metadata.get("static", False)
 
 
 def _check_name(name: str, arguments: set[str], parameters: tuple[str, ...], mechanism: object) -> None:

@@ -60,7 +60,8 @@ def sweep(
     grid = read_grid(axes, (name for names in arguments.values() for name in names), mechanism)
     _check_all_given(arguments, quantities, grid)
     at_point = _at_point({name: (quantities[name], names) for name, names in arguments.items()}, grid)
-    values = _run(at_point, _with_dtype(mechanism, grid.dtype), grid, min(chunk_size, max(grid.size, 1)), progress)
+    by_name = _run(at_point, _with_dtype(mechanism, grid.dtype), grid, min(chunk_size, max(grid.size, 1)), progress)
+    values = {name: by_name[name] for name in quantities}  # JAX sorts the names; the user's order is the dataset's
     return labelled(values, quantities, mechanism, grid)
 
 

@@ -1,0 +1,7 @@
+"""What each command does."""
+
+from .figures import run_figures
+from .listing import run_list
+from .sweeps import run_atlas, run_curve
+
+__all__ = ["run_atlas", "run_curve", "run_figures", "run_list"]

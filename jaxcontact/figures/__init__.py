@@ -1,0 +1,38 @@
+"""The tutorial's Figures 3 to 7, corrected: the numbers, and the pictures drawn from them."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import xarray
+from matplotlib.figure import Figure
+
+from .. import atlas
+from .guides import figure_4a, figure_4b, figure_5a, figure_5b, figure_6a, figure_6b
+from .single_contact import figure_3a, figure_3b, figure_7
+
+FIGURES: dict[str, Callable[[], tuple[xarray.Dataset, Figure]]] = {
+    "figure_3a": figure_3a,
+    "figure_3b": figure_3b,
+    "figure_4a": figure_4a,
+    "figure_4b": figure_4b,
+    "figure_5a": figure_5a,
+    "figure_5b": figure_5b,
+    "figure_6a": figure_6a,
+    "figure_6b": figure_6b,
+    "figure_7": figure_7,
+}
+FORMATS = (".png", ".svg")
+
+__all__ = ["FIGURES", "FORMATS", "write_figures", *FIGURES]
+
+
+def write_figures(folder: str | Path) -> Iterator[Path]:
+    """Write every figure as PNG and SVG with its numbers as CSV beside it, naming each file when it is there.
+
+    Example: `list(write_figures("figures"))`
+    """
+    for name, make in FIGURES.items():
+        numbers, picture = make()
+        yield atlas.save(numbers, Path(folder) / f"{name}.csv")
+        for suffix in FORMATS:
+            yield atlas.save(picture, Path(folder) / f"{name}{suffix}")
