@@ -27,7 +27,7 @@ class Ladder:
     mass: float = 3.0
     springs: tuple[float, ...] = (1.0, 2.0)
     rough: bool = dataclasses.field(default=True, metadata={"static": True})
-    coordinates = {"theta": Named("rad", "inclination")}  # noqa: RUF012
+    coordinates = {"theta": Named("rad", "inclination")}
 
     def state(self, theta, shift=0.0):
         return self.length * jnp.cos(theta) + shift
@@ -177,11 +177,36 @@ def test_a_name_that_is_argument_and_parameter_is_refused():
         quiet({"twice": lambda ladder, length: 2 * length}, Ladder(), length=[1.0])
 
 
+def test_a_quantity_with_the_name_of_an_axis_is_refused():
+    with pytest.raises(ValueError, match="has the name of an axis"):
+        quiet({"theta": reach}, Ladder(), theta=THETA)
+
+
 def test_a_quantity_must_be_a_function_of_the_mechanism():
     with pytest.raises(TypeError, match="must be a function"):
         quiet({"reach": 3.0}, Ladder(), theta=THETA)
     with pytest.raises(TypeError, match="its first must be the mechanism"):
         quiet({"reach": lambda: 3.0}, Ladder(), theta=THETA)
+
+
+def test_a_quantity_returns_one_array():
+    with pytest.raises(TypeError, match="'pair' returns a tuple: return one number or array"):
+        quiet({"pair": lambda ladder, theta: (theta, theta)}, Ladder(), theta=THETA)
+
+
+def test_variables_keep_the_order_of_the_quantities():
+    atlas = quiet({"z": reach, "a": reach, "m": reach}, Ladder(), theta=THETA)
+    assert list(atlas.data_vars) == ["z", "a", "m"]
+
+
+def test_a_parameter_that_is_not_stated_may_vary():
+    @partial(jax.tree_util.register_dataclass, data_fields=["gap"], meta_fields=[])
+    @dataclasses.dataclass(frozen=True)
+    class Guides:
+        gap: float | None = None
+
+    atlas = quiet({"width": lambda guides: 2 * guides.gap}, Guides(), gap=[2.0, 3.0])
+    np.testing.assert_array_equal(atlas.width, [4.0, 6.0])
 
 
 def test_a_class_that_jax_cannot_see_through_is_refused():
@@ -205,7 +230,7 @@ def test_one_program_serves_all_chunks():
         return theta
 
     quiet({"counted": counted}, Ladder(), chunk_size=4, theta=np.linspace(0, 1, 41))
-    assert len(traced) == 2  # once for the shapes, once for the program; eleven chunks
+    assert len(traced) == 1  # for eleven chunks
 
 
 def test_a_sweep_says_nothing_where_there_is_no_terminal(capsys):

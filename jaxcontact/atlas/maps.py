@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
 from .style import GREY, add_caption, in_unit, label, new_figure, set_angle_ticks, upper_limit
 
@@ -17,6 +17,7 @@ COLOURS = "viridis"
 CLASS_COLOURS = ("#0072B2", "#56B4E9", "#F0E442", "#D55E00", "#CC79A7", "#009E73", "#E69F00")
 WIDE_RANGE = 20.0  # greatest over least value from which colours go by ratio, not by difference
 CONTOURS = 7
+ROUND = (1.0, 2.0, 5.0)  # the round numbers of a decade
 OUTER_SHARE = 2  # per cent of the values at each end that do not decide the range of a logarithmic scale
 
 
@@ -80,7 +81,11 @@ def _add_colours(axes: Axes, x: np.ndarray, y: np.ndarray, array: xarray.DataArr
     norm, levels, extend = _scale(values[finite])
     shown = np.where(finite, values, np.nan)
     mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(shown), norm=norm, cmap=COLOURS, rasterized=True)
-    axes.figure.colorbar(mesh, ax=axes, extend=extend, label=label(array))
+    bar = axes.figure.colorbar(mesh, ax=axes, extend=extend, label=label(array))
+    if isinstance(norm, LogNorm):
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=ROUND))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        bar.ax.minorticks_off()
     inside = [level for level in levels if values[finite].min() < level < values[finite].max()]
     if inside and min(values.shape) > 1:
         lines = axes.contour(x, y, np.ma.masked_invalid(shown), levels=inside, colors="black", linewidths=0.8)
@@ -94,7 +99,7 @@ def _scale(values: np.ndarray) -> tuple[Normalize, np.ndarray, str]:
     least, greatest = float(values.min()), float(values.max())
     if least > 0 and greatest > WIDE_RANGE * least:
         low, high = np.percentile(values, [OUTER_SHARE, 100 - OUTER_SHARE])
-        levels = LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(low, high)
+        levels = LogLocator(subs=ROUND).tick_values(low, high)
         return LogNorm(low, high), levels, "both"
     top = upper_limit([values]) if least >= 0 else greatest
     high = min(greatest, top) if top is not None else greatest

@@ -72,7 +72,7 @@ def _at_point(quantities: Mapping[str, tuple[Quantity, tuple[str, ...]]], grid: 
         changed = {name: point[name] for name in grid.parameters}
         here = dataclasses.replace(mechanism, **changed) if changed else mechanism
         return {
-            name: jnp.asarray(quantity(here, **{argument: point[argument] for argument in names if argument in point}))
+            name: _one_array(name, quantity(here, **{key: point[key] for key in names if key in point}))
             for name, (quantity, names) in quantities.items()
         }
 
@@ -80,23 +80,33 @@ def _at_point(quantities: Mapping[str, tuple[Quantity, tuple[str, ...]]], grid: 
 
 
 def _run(at_point: Callable, mechanism: object, grid: Grid, chunk: int, progress: bool) -> dict[str, np.ndarray]:
-    """The chunk loop: one program of fixed shape, called until the grid is full."""
-    axes = {name: jnp.asarray(row) for name, row in grid.axes.items()}
+    """The values (axes..., own dimensions...) of each quantity: one program of fixed shape, called until all is done."""
+    if grid.size == 0:
+        point = {name: jax.ShapeDtypeStruct((), grid.dtype) for name in grid.axes}
+        shapes = jax.eval_shape(at_point, mechanism, point)
+        return {name: np.empty(grid.shape + shape.shape, shape.dtype) for name, shape in shapes.items()}
 
     def of_chunk(mechanism, axes, first):
         # The last chunk is padded with its last point, which is harmless: its values are computed anyway.
-        numbers = jnp.minimum(first + jnp.arange(chunk, dtype=jnp.int32), jnp.int32(max(grid.size - 1, 0)))
+        numbers = jnp.minimum(first + jnp.arange(chunk, dtype=jnp.int32), jnp.int32(grid.size - 1))
         return jax.vmap(lambda number: at_point(mechanism, grid.point(axes, number)))(numbers)
 
-    one_point = {name: jax.ShapeDtypeStruct((), grid.dtype) for name in axes}
-    shapes = jax.eval_shape(at_point, mechanism, one_point)
-    values = {name: np.empty((grid.size, *shape.shape), shape.dtype) for name, shape in shapes.items()}
-    program = jax.jit(of_chunk)
+    axes = {name: jnp.asarray(row) for name, row in grid.axes.items()}
+    lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once, half of the wait
+    values = {name: np.empty((grid.size, *out.shape[1:]), out.dtype) for name, out in lowered.out_info.items()}
+    program = lowered.compile()
     for first in _with_progress(range(0, grid.size, chunk), chunk, grid.size, progress):
         wanted = min(chunk, grid.size - first)
         for name, computed in program(mechanism, axes, np.int32(first)).items():
             values[name][first : first + wanted] = np.asarray(computed)[:wanted]
     return {name: rows.reshape(grid.shape + rows.shape[1:]) for name, rows in values.items()}
+
+
+def _one_array(name: str, value: object) -> jax.Array:
+    leaves = jax.tree.leaves(value)
+    if len(leaves) != 1 or leaves[0] is not value:
+        raise TypeError(f"quantity {name!r} returns a {type(value).__name__}: return one number or array of it")
+    return jnp.asarray(value)
 
 
 def _with_progress(starts: range, chunk: int, size: int, progress: bool) -> Iterable[int]:
@@ -131,6 +141,8 @@ def _arguments(name: str, quantity: Quantity, mechanism: object) -> tuple[str, .
 
 def _check_all_given(arguments: Mapping, quantities: Mapping[str, Quantity], grid: Grid) -> None:
     for name, names in arguments.items():
+        if name in grid.axes:
+            raise ValueError(f"quantity {name!r} has the name of an axis: rename one of them")
         signature = inspect.signature(quantities[name]).parameters
         for argument in names:
             optional = argument not in signature or signature[argument].default is not inspect.Parameter.empty

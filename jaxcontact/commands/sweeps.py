@@ -14,6 +14,7 @@ from .reading import check_complete, check_name, read_bounds, read_class, read_r
 
 PICTURES = (".png", ".svg")
 DEFAULT_BOUND = "norm_ratio"
+LONG_NAMES = {"critical": "critical friction"}  # the others are bounds, sufficient only
 
 
 def run_curve(given: argparse.Namespace) -> None:
@@ -72,7 +73,7 @@ def _quantity(name: str, bound: Callable, fixed: dict[str, float]) -> Callable:
     def quantity(mechanism, **coordinates):
         return bound(delassus(mechanism, mechanism.state(**fixed, **coordinates)))
 
-    quantity.unit, quantity.long_name = "1", name.replace("_", " ")
+    quantity.unit, quantity.long_name = "1", LONG_NAMES.get(name, f"friction bound, {name.replace('_', ' ')}")
     return quantity
 
 
@@ -83,7 +84,7 @@ def _is_field(cls: type, name: str) -> bool:
 def _caption(numbers) -> str:
     """What the picture was made with, so that it can be made again."""
     fixed = json.loads(numbers.attrs["parameters"]) | json.loads(numbers.attrs["coordinates_set"])
-    stated = ", ".join(f"{name} = {value}" for name, value in fixed.items() if value is not None)
+    stated = ", ".join(f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}" for name, value in fixed.items() if value is not None)
     return f"{numbers.attrs['mechanism'].rpartition('.')[2]}: {stated}"
 
 
