@@ -37,11 +37,10 @@ def min_value(cols: list[Column]) -> Scalar:
     if len(cols) == 1:
         return max_value(cols)
     E, R = _square(cols)
-    if len(cols) == 2:
-        volume = lax.abs(det2(*R[0], *R[1])) if E is None else R[0][0] * R[1][1]
-        return _quotient(volume, max_value(cols))
-    C, det, scale = _cofactors(R)
-    return _quotient(lax.abs(det), scale * max_value(C))
+    if len(cols) == 3:
+        return _min_value3(*_cofactors(R))
+    volume = lax.abs(det2(*R[0], *R[1])) if E is None else R[0][0] * R[1][1]
+    return _quotient(volume, max_value(cols))
 
 
 def min_triple(cols: list[Column]) -> Triple:
@@ -49,32 +48,45 @@ def min_triple(cols: list[Column]) -> Triple:
     if len(cols) == 1:
         return max_triple(cols)
     E, R = _square(cols)
-    u, v = _min_vectors2(R) if len(cols) == 2 else _min_vectors3(R)
+    u, sigma, v = _min_triple2(R) if len(cols) == 2 else _min_triple3(R)
     if E is not None:
-        present = [R[i][i] != 0 for i in range(len(R))]
-        u = _apply(completed(E, present), u)
-    return u, min_value(cols), v
+        u = _apply(completed(E, [R[i][i] != 0 for i in range(len(R))]), u)
+    return u, sigma, v
 
 
-def _min_vectors2(R: list[Column]) -> tuple[Column, Column]:
+def _min_triple2(R: list[Column]) -> Triple:
     """A quarter turn from the top vectors on both sides, one of them reversed where the determinant is negative."""
-    cols = _transposed(R)
-    u, _, v = max_triple(cols)
-    sign = jnp.where(det2(*R[0], *R[1]) < 0, -1, 1).astype(v[0].dtype)
-    return [-sign * u[1], sign * u[0]], [-v[1], v[0]]
+    u, top, v = max_triple(_transposed(R))
+    volume = det2(*R[0], *R[1])
+    sign = jnp.where(volume < 0, -1, 1).astype(volume.dtype)
+    return [-sign * u[1], sign * u[0]], _quotient(lax.abs(volume), top), [-v[1], v[0]]
 
 
-def _min_vectors3(R: list[Column]) -> tuple[Column, Column]:
-    C, det, _ = _cofactors(R)
+def _min_value3(C: list[Column], det: Scalar, scale: Scalar) -> Scalar:
+    return _quotient(lax.abs(det), scale * max_value(C))
+
+
+def _min_triple3(R: list[Column]) -> Triple:
+    # Value and vectors are several outputs of one long computation: without the barrier each of their kernels repeats it.
+    C, det, scale = lax.optimization_barrier(_cofactors(R))
     u, _, v = max_triple(C)
     sign = jnp.where(det < 0, -1, 1).astype(det.dtype)
-    # Rank one or zero: all cofactors vanish, and any null vectors will do.
-    cols = _transposed(R)
+    # Rank one or zero: all cofactors vanish, and the vectors normal to any row and to any column that is not zero will do.
     rank_two = largest([lax.abs(c) for col in C for c in col]) > 0
-    v_null = top_vector([[-g for g in row] for row in _gram(cols)])
-    u_null = unit_normal([normalised(_apply(cols, top_vector(_gram(cols))), zeros(u))], u)
+    v_null = unit_normal([normalised(_longest(R), zeros(v))], v)
+    u_null = unit_normal([normalised(_longest(_transposed(R)), zeros(u))], u)
     u = [jnp.where(rank_two, sign * x, y) for x, y in zip(u, u_null)]
-    return u, [jnp.where(rank_two, x, y) for x, y in zip(v, v_null)]
+    v = [jnp.where(rank_two, x, y) for x, y in zip(v, v_null)]
+    return u, _min_value3(C, det, scale), v
+
+
+def _longest(lines: list[Column]) -> Column:
+    """The line of largest length."""
+    best = lines[0]
+    for line in lines[1:]:
+        longer = inner(line, line) > inner(best, best)
+        best = [jnp.where(longer, x, y) for x, y in zip(line, best, strict=True)]
+    return best
 
 
 def _square(cols: list[Column]) -> tuple[list[Column] | None, list[Column]]:

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxcontact.linalg.orthogonal import normalised, unit_normal, zeros
 from jaxcontact.linalg.unrolled import Scalar, columns, from_columns, inner, largest, power_of_two_scale, shield
 
 Column = list[Scalar]
@@ -55,31 +54,6 @@ def min_value(cols: list[Column]) -> Scalar:
     """sigma_min: the shortest."""
     W = _unrolled(cols, len(cols[0]))
     return jnp.sqrt(-largest([-inner(w, w) for w in W]))
-
-
-def max_triple(cols: list[Column]) -> tuple[Column, Scalar, Column]:
-    """(u, sigma, v) of the longest column."""
-    return _triple(cols, 1)
-
-
-def min_triple(cols: list[Column]) -> tuple[Column, Scalar, Column]:
-    """(u, sigma, v) of the shortest; where it vanishes u is a unit vector normal to the others."""
-    return _triple(cols, -1)
-
-
-def _triple(cols: list[Column], sign: int) -> tuple[Column, Scalar, Column]:
-    n = len(cols[0])
-    both = _unrolled(_with_identity(cols), n)
-    sizes = [sign * inner(w[:n], w[:n]) for w in both]
-    best, size, others = both[0], sizes[0], []
-    for w, size_w in zip(both[1:], sizes[1:]):
-        better = size_w > size
-        others.append([jnp.where(better, x, y) for x, y in zip(best, w)])
-        best = [jnp.where(better, y, x) for x, y in zip(best, w)]
-        size = jnp.where(better, size_w, size)
-    w, v = best[:n], best[n:]
-    normal = unit_normal([normalised(x[:n], zeros(w)) for x in others], w)
-    return normalised(w, normal), jnp.sqrt(sign * size), v
 
 
 def _with_identity(cols: list[Column]) -> list[Column]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg.compensated import two_product
-from jaxcontact.linalg.unrolled import Scalar, inner, largest, shield, total
+from jaxcontact.linalg.unrolled import Scalar, inner, shield
 
 Column = list[Scalar]
 
@@ -52,6 +52,10 @@ def triangularise(cols: list[Column]) -> tuple[list[Column], list[Column]]:
 
 def completed(E: list[Column], present: list[jax.Array]) -> list[Column]:
     """Orthonormal columns where those not `present` (zero columns on entry) are replaced by unit vectors normal to the rest."""
+    if len(E) == 2:
+        known = [jnp.where(present[0], x, y) for x, y in zip(*E, strict=True)]
+        normal = unit_normal([known], known)
+        return [[jnp.where(there, e, x) for e, x in zip(E[i], normal)] for i, there in enumerate(present)]
     E = list(E)
     for i, there in enumerate(present):
         normal = unit_normal(E[:i] + E[i + 1 :], E[i])
@@ -60,27 +64,29 @@ def completed(E: list[Column], present: list[jax.Array]) -> list[Column]:
 
 
 def unit_normal(E: list[Column], like: Column) -> Column:
-    """A unit vector normal to the columns E, fewer than their length, each of length 1 or 0; shaped `like` one column.
+    """A unit vector normal to the k orthonormal (or zero) columns E, k smaller than their length n; shaped `like` one column.
 
-    It is what is left of the coordinate axis farthest from their span: at least 1 / n of its squared length.
+    Reflections H_1 ... H_k turn the columns one by one into the first k coordinate axes (Householder), so that what they turn
+    into the next axis, H_1 ... H_k axis, is normal to all: no selection, no division by anything small.
     """
-    one = jnp.ones_like(like[0])
-    left = [one - total([e[k] * e[k] for e in E]) if E else one for k in range(len(like))]
-    axis = _first_equal(left, largest(left))
-    shares = [inner(axis, e) for e in E]
-    x = [axis_k - total([s * e[k] for s, e in zip(shares, E)]) if E else axis_k for k, axis_k in enumerate(axis)]
-    scale = shield(lax.rsqrt(inner(x, x)))
-    return [x_k * scale for x_k in x]
+    reflections: list[tuple[Column, Scalar]] = []
+    for i, e in enumerate(E):
+        for w, weight in reflections:
+            e = _reflected(w, weight, e)
+        away = jnp.where(e[i] >= 0, 1, -1).astype(e[i].dtype)
+        w = [*zeros(e[:i]), e[i] + away, *e[i + 1 :]]
+        reflections.append((w, shield(2 / inner(w[i:], w[i:]))))
+    axis = zeros(like)
+    axis[len(E)] = jnp.ones_like(like[0])
+    for w, weight in reversed(reflections):
+        axis = _reflected(w, weight, axis)
+    return axis
 
 
-def _first_equal(values: Column, value: Scalar) -> Column:
-    """The unit vector of the first entry equal to `value`, by selections."""
-    unit, found = [], jnp.zeros((), bool)
-    for x in values:
-        here = (x == value) & ~found
-        unit.append(jnp.where(here, jnp.ones_like(x), jnp.zeros_like(x)))
-        found = found | here
-    return unit
+def _reflected(w: Column, weight: Scalar, x: Column) -> Column:
+    """x - w (w^T x) weight, weight = 2 / |w|^2."""
+    along = inner(w, x) * weight
+    return [x_i - along * w_i for x_i, w_i in zip(x, w, strict=True)]
 
 
 def zeros(x: Column) -> Column:
