@@ -1,9 +1,9 @@
 """Extreme singular triples of matrices with one, two or three columns, in closed form.
 
-The smallest value is the volume of the columns over the product of the other values, which is the largest value of the matrix
-of cofactors. Only the volume and the minors cancel, and they are computed in compensated arithmetic: relative errors of a few
-roundings for square matrices, of roundings times the condition for tall ones, which are made triangular first.
-Input: a list of m columns, each a list of n >= m scalars of moderate size (the caller scales them).
+The smallest value is the volume of the columns over the product of the other values, which is the largest value of the
+matrix of cofactors. Only the volume and the minors cancel, and they are computed in compensated arithmetic: relative
+errors of a few roundings for square matrices, of roundings times the condition for tall ones, which are made
+triangular first. Input: a list of m columns, each a list of n >= m scalars of moderate size (the caller scales them).
 """
 
 import jax.numpy as jnp
@@ -67,11 +67,10 @@ def _min_value3(C: list[Column], det: Scalar, scale: Scalar) -> Scalar:
 
 
 def _min_triple3(R: list[Column]) -> Triple:
-    # Value and vectors are several outputs of one long computation: without the barrier each of their kernels repeats it.
-    C, det, scale = lax.optimization_barrier(_cofactors(R))
+    C, det, scale = _cofactors(R)
     u, _, v = max_triple(C)
     sign = jnp.where(det < 0, -1, 1).astype(det.dtype)
-    # Rank one or zero: all cofactors vanish, and the vectors normal to any row and to any column that is not zero will do.
+    # Rank one or zero: all cofactors vanish; vectors normal to any non-zero row and to any non-zero column will do.
     rank_two = largest([lax.abs(c) for col in C for c in col]) > 0
     v_null = unit_normal([normalised(_longest(R), zeros(v))], v)
     u_null = unit_normal([normalised(_longest(_transposed(R)), zeros(u))], u)
@@ -97,7 +96,7 @@ def _square(cols: list[Column]) -> tuple[list[Column] | None, list[Column]]:
 
 
 def _cofactors(R: list[Column]) -> tuple[list[Column], Scalar, Scalar]:
-    """(columns of the cofactor matrix divided by a power of two, determinant, that power) of a 3 by 3 matrix by rows."""
+    """(columns of the cofactors over a power of two, determinant, that power) of a 3 by 3 matrix by rows."""
     pairs = cofactor_pairs3(R)
     det = dot_pairs(R[0], pairs[0])
     C = [[high + low for high, low in row] for row in pairs]

@@ -1,9 +1,9 @@
 """Sums, products and small determinants whose rounding error is carried along.
 
-Error-free transformations: Ogita, Rump & Oishi, "Accurate sum and dot product", SIAM J. Sci. Comput. 26 (2005), algorithms 3.1
-to 3.3 (Knuth's two-sum, Dekker's two-product). XLA neither reorders float sums nor widens them; what it may do is contract a
-product with a following sum into one fused instruction. The split below therefore masks bits instead of using Veltkamp's
-multiply-and-subtract, so that every partial product is exact with or without contraction.
+Error-free transformations: Ogita, Rump & Oishi, "Accurate sum and dot product", SIAM J. Sci. Comput. 26 (2005),
+algorithms 3.1 to 3.3 (Knuth's two-sum, Dekker's two-product). XLA neither reorders float sums nor widens them; what it
+may do is contract a product with a following sum into one fused instruction. The split below therefore masks bits
+instead of using Veltkamp's multiply-and-subtract, so that every partial product is exact with or without contraction.
 """
 
 import jax

@@ -18,7 +18,7 @@ def _matmul(A: jax.Array, B: jax.Array) -> jax.Array:
 
 @jax.custom_jvp
 def decomposition(X: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """(U (n, m), s (m,), V (m, m)) with X = U diag(s) V^T, n >= m, s descending: the library's, in closed form for m <= 2.
+    """(U (n, m), s (m,), V (m, m)) with X = U diag(s) V^T, n >= m, s descending; in closed form for m <= 2.
 
     >>> decomposition(jnp.diag(jnp.array([1.0, 3.0])))[1]  # [3, 1]
     """
@@ -50,8 +50,8 @@ def perturbed_pair(svd: Triple, triple: Triple, k: int, dX: jax.Array) -> Triple
         v_j^T dv (sigma^2 - s_j^2) = s_j u_j^T a + sigma v_j^T b
         sigma (1 - U U^T) du = (1 - U U^T) a
 
-    and d sigma = u^T a; u^T du = v^T dv = 0. The signs of u_j and v_j do not matter. Where s_j = sigma, or sigma = 0, the vectors
-    have no derivative: the term is left out. (Golub & Van Loan, Matrix Computations, section 8.6.)
+    and d sigma = u^T a; u^T du = v^T dv = 0. The signs of u_j and v_j do not matter. Where s_j = sigma, or sigma = 0,
+    the vectors have no derivative: the term is left out.
     """
     U, s, V = svd
     u, sigma, v = triple

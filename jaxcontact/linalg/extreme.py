@@ -1,8 +1,8 @@
 """Extreme singular values and vectors of one matrix by the way that fits its size; no derivatives yet.
 
-Up to three columns closed forms; at four unrolled Jacobi rotations for the values, whose program would take too long to compile
-with the vectors; beyond, and for those, the library's decomposition. More rows than are worth unrolling are first made
-triangular by the library. All matrices here have n >= m >= 1.
+Up to three columns closed forms; at four unrolled Jacobi rotations for the values, whose program would take too long
+to compile with the vectors; beyond, and for those, the library's decomposition. More rows than are worth unrolling are
+first made triangular by the library. All matrices here have n >= m >= 1.
 """
 
 import jax

@@ -106,9 +106,9 @@ def gram(A: jax.Array, B: jax.Array) -> jax.Array:
 def project_out(Q_of: jax.Array, X: jax.Array) -> jax.Array:
     """X (n, m) minus its orthogonal projection on the column space of Q_of (n, k); for X (n,), of the one vector.
 
-    With N = [N_e, N_r] the Schur complement W_rr - W_re W_ee^-1 W_er is the Gram matrix of project_out(N_e, N_r), which keeps
-    the digits that forming it loses. Modified Gram-Schmidt, each projection done twice and the first time with its rounding
-    errors carried; columns of Q_of that depend on the earlier ones are left out of the span.
+    With N = [N_e, N_r] the Schur complement W_rr - W_re W_ee^-1 W_er is the Gram matrix of project_out(N_e, N_r),
+    which keeps the digits that forming it loses. Modified Gram-Schmidt, each projection done twice and the first time
+    with its rounding errors carried; columns of Q_of that depend on the earlier ones are left out of the span.
     """
     if X.ndim == 1:
         return project_out(Q_of, X[:, None])[:, 0]

@@ -1,7 +1,8 @@
 """Singular values by one-sided Jacobi rotations: plane rotations of the columns until they are orthogonal.
 
-The relative accuracy is that of the matrix with its columns scaled to unit length, however badly they are scaled (Demmel &
-Veselic, SIAM J. Matrix Anal. Appl. 13 (1992) 1204), where bidiagonalisation loses the small values of graded columns.
+The relative accuracy is that of the matrix with its columns scaled to unit length, however badly they are scaled
+(Demmel & Veselic, SIAM J. Matrix Anal. Appl. 13 (1992) 1204), where bidiagonalisation loses the small values of graded
+columns.
 """
 
 import jax
@@ -105,8 +106,8 @@ def _unrolled(cols: list[Column], n: int) -> list[Column]:
 def _rotation(aa: jax.Array, ab: jax.Array, bb: jax.Array) -> tuple[jax.Array, jax.Array]:
     """(cos, sin) of the smaller angle that makes (c a - s b) and (s a + c b) orthogonal; (1, 0) where they are already.
 
-    With x = bb - aa and y = 2 ab, tan = y sign(x) / (|x| + sqrt(x^2 + y^2)). Both are taken relative to aa + bb, whose squares
-    could underflow for small columns.
+    With x = bb - aa and y = 2 ab, tan = y sign(x) / (|x| + sqrt(x^2 + y^2)). Both are taken relative to aa + bb, whose
+    squares could underflow for small columns.
     """
     size = aa + bb
     inverse = shield(1 / jnp.where(size == 0, 1, size))

@@ -20,8 +20,8 @@ def reciprocal_square(q: Column, noise: Scalar | float = 0.0) -> Scalar:
 def remove(q: Column, weight: Scalar, x: Column) -> tuple[Scalar, Column]:
     """(t, x - t q) with t = q^T x weight, weight = 1 / |q|^2.
 
-    Any t near the quotient serves, as long as x - t q is then formed without error: the compensated product sees to that. The
-    second pass removes the component along q that the rounding of t leaves.
+    Any t near the quotient serves, as long as x - t q is then formed without error: the compensated product sees to
+    that. The second pass removes the component along q that the rounding of t leaves.
     """
     first = shield(inner(q, x) * weight)
     products = [two_product(first, q_i) for q_i in q]
@@ -51,7 +51,7 @@ def triangularise(cols: list[Column]) -> tuple[list[Column], list[Column]]:
 
 
 def completed(E: list[Column], present: list[jax.Array]) -> list[Column]:
-    """Orthonormal columns where those not `present` (zero columns on entry) are replaced by unit vectors normal to the rest."""
+    """The orthonormal columns E with those not `present`, zero on entry, replaced by unit normals to the rest."""
     if len(E) == 2:
         known = [jnp.where(present[0], x, y) for x, y in zip(*E, strict=True)]
         normal = unit_normal([known], known)
@@ -64,10 +64,10 @@ def completed(E: list[Column], present: list[jax.Array]) -> list[Column]:
 
 
 def unit_normal(E: list[Column], like: Column) -> Column:
-    """A unit vector normal to the k orthonormal (or zero) columns E, k smaller than their length n; shaped `like` one column.
+    """A unit vector normal to the orthonormal or zero columns E, fewer than their length; shaped `like` a column.
 
-    Reflections H_1 ... H_k turn the columns one by one into the first k coordinate axes (Householder), so that what they turn
-    into the next axis, H_1 ... H_k axis, is normal to all: no selection, no division by anything small.
+    Reflections H_1 ... H_k turn the columns one by one into the first k coordinate axes (Householder), so that what
+    they turn into the next axis, H_1 ... H_k axis, is normal to all: no selection, no division by anything small.
     """
     reflections: list[tuple[Column, Scalar]] = []
     for i, e in enumerate(E):

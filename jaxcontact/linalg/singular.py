@@ -1,8 +1,9 @@
 """Largest and smallest singular value of one matrix, with their vectors.
 
-Derivatives: d sigma = u^T dX v with the unit vectors of the value. Where the value is repeated any pair of its subspace is a
-generalised derivative of Clarke's, and one is returned; at sigma_min = 0, a kink, u^T dX v for null vectors is one as well. None
-is NaN. The vectors have derivatives themselves, so second derivatives are right where the value is simple.
+Derivatives: d sigma = u^T dX v with the unit vectors of the value. Where the value is repeated any pair of its
+subspace is a generalised derivative of Clarke's, and one is returned; at sigma_min = 0, a kink, u^T dX v for null
+vectors is one as well. None is NaN. The vectors have derivatives themselves, so second derivatives are right where the
+value is simple.
 """
 
 import jax

@@ -9,8 +9,8 @@ from jaxcontact.linalg.unrolled import Scalar, inner, shield, total
 
 SymmetricRows = list[list[Scalar]]
 
-NEWTON_STEPS = {2: 2, 4: 2, 8: 3}
-"""Steps, by bytes of the dtype, that bring the cubic's start (right to 2e-3) to full precision, squaring the error each time."""
+NEWTON_STEPS = {4: 2, 8: 3}
+"""Steps, by bytes of the dtype, from a start right to 2e-3 to full precision; each squares the error."""
 
 
 def top_value(S: SymmetricRows) -> Scalar:
@@ -34,7 +34,7 @@ def top_vector(S: SymmetricRows) -> list[Scalar]:
 
 
 def _circle(a: Scalar, b: Scalar, d: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Mohr's circle of [[a, b], [b, d]]: centre, radius and half the difference a - d; the eigenvalues are centre +- radius."""
+    """Mohr's circle of [[a, b], [b, d]]: (centre, radius, (a - d) / 2); the eigenvalues are centre +- radius."""
     half = (a - d) * 0.5
     return (a + d) * 0.5, shield(jnp.sqrt(half * half + b * b)), half
 
@@ -54,11 +54,12 @@ def _half_angle(x: Scalar, y: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def _top3(S: SymmetricRows) -> tuple[Scalar, list[Scalar]]:
-    """The well separated eigenvalue of the three in closed form, the other two as a 2 by 2 problem in the plane normal to it.
+    """The well separated eigenvalue in closed form, the other two as a 2 by 2 problem in the plane normal to it.
 
-    With B = S - (trace / 3) 1 and p^2 = |B|^2 / 6 the eigenvalues of B are 2 p cos(phi + 2 pi k / 3), cos(3 phi) = det(B) / (2 p^3)
-    (O. K. Smith, Commun. ACM 4 (1961) 168). For det >= 0 the top one is at least sqrt(3) p away from both others, for det < 0 the
-    bottom one: it and its vector are right to rounding, which the other two, possibly close together, are not until deflation.
+    With B = S - (trace / 3) 1 and p^2 = |B|^2 / 6 the eigenvalues of B are 2 p cos(phi + 2 pi k / 3), cos(3 phi) =
+    det(B) / (2 p^3) (O. K. Smith, Commun. ACM 4 (1961) 168). For det >= 0 the top one is at least sqrt(3) p away from
+    both others, for det < 0 the bottom one: it and its vector are right to rounding, which the other two, possibly
+    close together, are not until deflation.
     """
     centre = (S[0][0] + S[1][1] + S[2][2]) * (1 / 3)
     b = [S[i][i] - centre for i in range(3)]
@@ -118,7 +119,7 @@ def _null_vector(b: list[Scalar], off: list[Scalar]) -> list[Scalar]:
 
 
 def _plane_normal_to(w: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
-    """Two unit vectors normal to the unit vector w and to each other (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8)."""
+    """Two unit vectors normal to the unit vector w and each other (Duff et al., JCGT 6 (2017) 1-8)."""
     sign = jnp.where(w[2] >= 0, 1, -1).astype(w[2].dtype)
     a = shield(-1 / (sign + w[2]))
     b = w[0] * w[1] * a

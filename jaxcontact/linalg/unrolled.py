@@ -1,7 +1,7 @@
 """Small matrices as nested lists of scalars, and what keeps a program on them in one fused loop.
 
-Under jit(vmap) XLA folds the indexing and the final stack away, so algebra written on the scalars becomes one loop over the
-batch, where arrays of shape (m, m) would be materialised for every lane.
+Under jit(vmap) XLA folds the indexing and the final stack away, so algebra written on the scalars becomes one loop
+over the batch, where arrays of shape (m, m) would be materialised for every lane.
 """
 
 import jax
@@ -61,8 +61,8 @@ def largest(terms: list[Scalar]) -> Scalar:
 def shield(x: Scalar) -> Scalar:
     """x, behind an operation that XLA cannot drop.
 
-    XLA:CPU does not fuse an expensive producer (division, square root) that has several users; behind a cheap single user
-    it does, and the program stays one loop. The maximum with the most negative finite number passes NaN through.
+    XLA:CPU does not fuse an expensive producer (division, square root) that has several users; behind a cheap single
+    user it does, and the program stays one loop. The maximum with the most negative finite number passes NaN through.
     """
     return lax.max(x, jnp.array(jnp.finfo(x.dtype).min, x.dtype))
 
@@ -73,7 +73,7 @@ def _shield_jvp(primals, tangents):
 
 
 def power_of_two_scale(size: Scalar) -> tuple[Scalar, Scalar]:
-    """(s, 1 / s) with s a power of two near a non-negative `size`, read off its exponent bits: scaling by s rounds nothing.
+    """(s, 1 / s) with s a power of two near `size` >= 0, read off its exponent: scaling by s rounds nothing.
 
     Both are kept normal numbers: the exponent is clipped, so size 0, infinite or NaN gives a finite scale.
     """
