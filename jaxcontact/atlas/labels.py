@@ -32,7 +32,7 @@ def labelled(
         dims = getattr(quantities[name], "dims", None) or tuple(f"{name}_{k}" for k in range(own))
         if len(dims) != own:
             raise ValueError(f"quantity {name!r} returns {own} dimensions of its own and names {len(dims)}: {dims}")
-        variables[name] = ((*grid.axes, *dims), array, quantity_labels(quantities[name]))
+        variables[name] = ((*grid.axes, *dims), array, quantity_labels(quantities[name], array.dtype))
     return _xarray().Dataset(variables, coordinates, provenance(mechanism, grid))
 
 
@@ -47,17 +47,14 @@ def axis_labels(mechanism: object, name: str) -> dict[str, str]:
     return _without_blanks({"units": unit, "long_name": doc})
 
 
-def quantity_labels(quantity: Callable) -> dict[str, object]:
-    """What a quantity says of itself: `unit`, `long_name`, and the CF flags of an integer status."""
-    flags = getattr(quantity, "flags", None) or {}
-    return _without_blanks(
-        {
-            "units": getattr(quantity, "unit", None),
-            "long_name": getattr(quantity, "long_name", None),
-            "flag_values": [int(value) for value in flags.values()],
-            "flag_meanings": " ".join(str(meaning).replace(" ", "_") for meaning in flags),
-        }
-    )
+def quantity_labels(quantity: Callable, dtype: np.dtype) -> dict[str, object]:
+    """What a quantity says of itself: `unit`, `long_name`, and the flags of an integer status as CF asks for them."""
+    said = {"units": getattr(quantity, "unit", None), "long_name": getattr(quantity, "long_name", None)}
+    flags = getattr(quantity, "flags", None)
+    if flags:
+        said["flag_values"] = np.array([int(value) for value in flags.values()], dtype)
+        said["flag_meanings"] = " ".join(str(meaning).replace(" ", "_") for meaning in flags)
+    return _without_blanks(said)
 
 
 def provenance(mechanism: object, grid: Grid) -> dict[str, str]:
@@ -86,7 +83,7 @@ def _plain(value: object) -> object:
 
 
 def _without_blanks(labels: Mapping[str, object]) -> dict[str, object]:
-    return {key: value for key, value in labels.items() if value not in (None, "", [])}
+    return {key: value for key, value in labels.items() if not isinstance(value, str | None) or value}
 
 
 def _version(package: str) -> str:

@@ -27,7 +27,7 @@ PI_DIVISORS = (64, 32, 16, 8, 4, 2, 1)
 # A bound that goes to infinity at an end of its range is cut where it leaves the ordinary: values above STRETCH times
 # the middle ones are not drawn at the price of flattening the rest.
 ORDINARY_SHARE = 75  # per cent of the values
-STRETCH = 2.2
+STRETCH = 2.0
 MARGIN = 1.05
 
 

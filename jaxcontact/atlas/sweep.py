@@ -80,7 +80,7 @@ def _at_point(quantities: Mapping[str, tuple[Quantity, tuple[str, ...]]], grid: 
 
 
 def _run(at_point: Callable, mechanism: object, grid: Grid, chunk: int, progress: bool) -> dict[str, np.ndarray]:
-    """The values (axes..., own dimensions...) of each quantity: one program of fixed shape, called until all is done."""
+    """The values (axes..., own dimensions...) of each quantity, by one program of fixed shape called in a loop."""
     if grid.size == 0:
         point = {name: jax.ShapeDtypeStruct((), grid.dtype) for name in grid.axes}
         shapes = jax.eval_shape(at_point, mechanism, point)
@@ -92,7 +92,7 @@ def _run(at_point: Callable, mechanism: object, grid: Grid, chunk: int, progress
         return jax.vmap(lambda number: at_point(mechanism, grid.point(axes, number)))(numbers)
 
     axes = {name: jnp.asarray(row) for name, row in grid.axes.items()}
-    lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once, half of the wait
+    lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once; tracing is half of the wait
     values = {name: np.empty((grid.size, *out.shape[1:]), out.dtype) for name, out in lowered.out_info.items()}
     program = lowered.compile()
     for first in _with_progress(range(0, grid.size, chunk), chunk, grid.size, progress):
