@@ -91,6 +91,12 @@ def test_infinite_and_missing_values_are_shaded_and_named():
     assert missing.get_x() == pytest.approx(np.degrees(THETA[0]))
 
 
+def test_a_line_that_is_infinite_beside_a_finite_one_says_so_in_the_legend():
+    (axes,) = drawn(draw_curve(curves(bound=THETA, exact=np.where(THETA > 1, np.inf, THETA)))).axes
+    assert legend(axes) == ["bound", "exact (infinite in part)"]
+    assert not axes.patches
+
+
 @pytest.mark.parametrize("row", [np.full(60, np.nan), np.full(60, np.inf), np.zeros(60), -THETA])
 def test_a_curve_without_ordinary_values_can_be_drawn(row):
     drawn(draw_curve(curves(bound=row)))

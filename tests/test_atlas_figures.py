@@ -6,7 +6,7 @@ import xarray
 
 from jaxcontact.figures import FIGURES, FORMATS, write_figures
 
-# The bounds come from derived terms through a Cholesky factor and singular values, the closed forms from a few roundings.
+# The bounds come from derived terms through a Cholesky factor and singular values, the closed forms from few roundings.
 # Towards the ends of the angle's range sine or cosine is 4e-3, and its rounding is magnified by as much.
 CLOSE = {"rtol": 1e-12}
 

@@ -21,6 +21,7 @@ from .style import (
     upper_limit,
 )
 
+LEGEND_OPACITY = 0.85  # enough to read it over a hatch
 MOST_LINES = 12  # beyond, nobody tells them apart
 
 
@@ -54,7 +55,8 @@ def add_curves(
 ) -> None:
     """Draw quantities along one coordinate; one line for each value of any other dimension.
 
-    Intervals where a quantity is infinite (no limit) or has no value are shaded and named.
+    Intervals where every line is infinite (no limit) or has no value are shaded and named; a line that is infinite in
+    part says so in the legend.
 
     Args:
         names: variables of the dataset; all unless given.
@@ -76,9 +78,10 @@ def add_curves(
     values = [line.values[order].astype(float) for line in lines]
     for line, row, look in zip(lines, values, _looks(lines, names), strict=True):
         text = _line_label(line, dataset, names, angles)
+        text += " (infinite in part)" if len(lines) > 1 and np.isinf(row).any() else ""
         axes.plot(right, np.where(np.isfinite(row), row, np.nan), label=text, lw=2, **look)
-    _shade(axes, right, np.any([np.isposinf(row) for row in values], axis=0), "infinite: no limit", None)
-    _shade(axes, right, np.any([np.isnan(row) for row in values], axis=0), "no value", "////")
+    _shade(axes, right, np.all([np.isinf(row) for row in values], axis=0), "infinite: no limit", None)
+    _shade(axes, right, np.all([np.isnan(row) for row in values], axis=0), "no value", "////")
     _finish(axes, across, lines, values, angles, upper)
 
 
@@ -95,7 +98,7 @@ def _finish(axes: Axes, across, lines, values, angles: str, upper: float | None)
     if top is not None and finite.min() >= 0:
         axes.set_ylim(0, top)
     if len(axes.get_legend_handles_labels()[1]) > 1:
-        axes.legend(frameon=False)
+        axes.legend(edgecolor="none", framealpha=LEGEND_OPACITY)
 
 
 def _lines(array: xarray.DataArray, along: str) -> list[xarray.DataArray]:
@@ -144,7 +147,8 @@ def _shade(axes: Axes, right: np.ndarray, where: np.ndarray, text: str, hatch: s
     edges = np.concatenate([right[:1], (right[1:] + right[:-1]) / 2, right[-1:]])
     steps = np.diff(np.concatenate([[0], where.astype(int), [0]]))
     for first, last in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
-        axes.axvspan(edges[first], edges[last], facecolor=GREY, edgecolor="grey", lw=0, hatch=hatch, label=text)
+        look = {"facecolor": "white" if hatch else GREY, "edgecolor": "grey", "hatch": hatch, "lw": 0, "zorder": 0}
+        axes.axvspan(edges[first], edges[last], label=text, **look)
         text = None  # one entry in the legend
 
 

@@ -16,6 +16,7 @@ from .style import GREY, add_caption, in_unit, label, new_figure, set_angle_tick
 COLOURS = "viridis"
 CLASS_COLOURS = ("#0072B2", "#56B4E9", "#F0E442", "#D55E00", "#CC79A7", "#009E73", "#E69F00")
 WIDE_RANGE = 20.0  # greatest over least value from which colours go by ratio, not by difference
+BELOW = (0, -0.16)  # the legend of classes: in heights of the panel, clear of the axis label
 CONTOURS = 7
 ROUND = (1.0, 2.0, 5.0)  # the round numbers of a decade
 OUTER_SHARE = 2  # per cent of the values at each end that do not decide the range of a logarithmic scale
@@ -122,7 +123,7 @@ def _add_unnumbered(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray
         axes.patch.set(hatch="////", edgecolor="grey", facecolor="white")
         handles.append(Patch(facecolor="white", edgecolor="grey", hatch="////", label="no value"))
     if handles:
-        axes.legend(handles=handles, loc="upper right")
+        axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
 
 
 def _add_classes(axes: Axes, x: np.ndarray, y: np.ndarray, array: xarray.DataArray) -> None:
@@ -137,4 +138,5 @@ def _add_classes(axes: Axes, x: np.ndarray, y: np.ndarray, array: xarray.DataArr
         for place, k in enumerate(np.argsort(flags))
         if (number == place).any()
     ]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, -0.16), frameon=False, borderaxespad=0)
+    axes.set_title(label(array), loc="left", fontsize="medium")
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=BELOW, frameon=False, borderaxespad=0)

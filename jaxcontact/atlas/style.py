@@ -52,7 +52,7 @@ def label(array: xarray.DataArray, angles: str = "deg") -> str:
     """The label of an axis: long name, symbol and unit as far as they are known; `angle from the horizontal θ (°)`."""
     unit, name = array.attrs.get("units", ""), symbol(str(array.name))
     unit = "°" if unit == "rad" and angles == "deg" else unit
-    long_name = array.attrs.get("long_name", "")
+    long_name = array.attrs.get("long_name", "").partition(";")[0]  # what follows is a remark
     short = name.startswith("$") or len(name) == 1
     text = f"{long_name}, {name}" if long_name and short else long_name or name
     return text if unit in ("", "1") else f"{text} ({unit})"
