@@ -1,7 +1,9 @@
 """Sweeps against a loop over single points, and what they refuse."""
 
 import dataclasses
+import io
 import json
+import sys
 from functools import partial
 
 import jax
@@ -230,6 +232,38 @@ def test_one_program_serves_all_chunks():
 
     quiet({"counted": counted}, Ladder(), chunk_size=4, theta=np.linspace(0, 1, 41))
     assert len(traced) == 1  # for eleven chunks
+
+
+def test_a_program_that_takes_much_memory_is_given_fewer_points(monkeypatch):
+    traced = []
+
+    def greedy(ladder, theta):
+        traced.append(theta)
+        return jnp.sort(jnp.cos(theta * jnp.arange(100.0)))[-2]
+
+    expected = np.sort(np.cos(np.linspace(0, 1, 3000)[:, None] * np.arange(100.0)))[:, -2]
+    # 3000 points hold 2.4 megabytes of cosines.
+    monkeypatch.setattr(sys.modules[sweep.__module__], "MEMORY", 2**20)
+    atlas = quiet({"greedy": greedy}, Ladder(), theta=np.linspace(0, 1, 3000))
+    assert len(traced) == 2, "compiled again for a smaller chunk"
+    np.testing.assert_allclose(atlas.greedy, expected, rtol=1e-15)
+
+
+def test_a_quantity_may_be_bound_to_some_of_its_arguments():
+    bound = partial(lambda ladder, theta, shift: ladder.state(theta, shift), shift=4.0)
+    atlas = quiet({"x": bound}, Ladder(), theta=THETA)
+    np.testing.assert_allclose(atlas.x, 4 + 2 * np.cos(THETA), rtol=4e-16)
+
+
+def test_a_terminal_sees_how_many_points_are_done(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    sweep({"reach": reach}, Ladder(), theta=THETA)
+    assert "/7.00 [" in sys.stderr.getvalue()
+    assert "points/s" in sys.stderr.getvalue()
 
 
 def test_a_sweep_says_nothing_where_there_is_no_terminal(capsys):

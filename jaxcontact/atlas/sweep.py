@@ -16,9 +16,11 @@ from .labels import labelled
 if TYPE_CHECKING:
     import xarray
 
-# Points computed at once. Measured on two cores with a fused 2x2 bound over a 2000 x 1500 grid, in million points per
-# second: 17 (2**11), 47 (2**14), 73 (2**16), 64 (2**18); a program that keeps 1 kB per point then takes 64 MB.
-CHUNK_POINTS = 2**16
+# Points computed at once. Measured over 2**20 points on two busy cores, in million points per second, for chunks of
+# 2**12, 2**14, 2**16 and 2**18: a fused scalar formula 12, 27, 26, 54; programs that write matrices, fastest while these
+# fit in the cache: the bound of two guides 3.8, 5.2, 5.0, 2.1, of the telescoping rod 3.9, 2.5, 1.9, 1.3.
+CHUNK_POINTS = 2**14
+MEMORY = 2**28  # bytes the compiled program may take for what it computes on the way
 
 Quantity = Callable[..., jax.Array]
 
@@ -39,7 +41,7 @@ def sweep(
             function carries as attributes labels the result: `unit`, `long_name`, `dims` (names of an array's own
             dimensions), `flags` (meaning -> value of an integer status).
         mechanism: a frozen dataclass registered as a pytree.
-        chunk_size: points computed at once; it bounds the memory.
+        chunk_size: points computed at once; fewer where they would take more than `MEMORY`.
         progress: a progress line on the terminal; silent where there is none.
         axes: rows of values, named like an argument of the quantities or a scalar field of the mechanism. Whole numbers
             are taken as real. Their dtype is the dtype of the computation: the mechanism's numbers follow it.
@@ -86,20 +88,31 @@ def _run(at_point: Callable, mechanism: object, grid: Grid, chunk: int, progress
         shapes = jax.eval_shape(at_point, mechanism, point)
         return {name: np.empty(grid.shape + shape.shape, shape.dtype) for name, shape in shapes.items()}
 
-    def of_chunk(mechanism, axes, first):
-        # The last chunk is padded with its last point, which is harmless: its values are computed anyway.
-        numbers = jnp.minimum(first + jnp.arange(chunk, dtype=jnp.int32), jnp.int32(grid.size - 1))
-        return jax.vmap(lambda number: at_point(mechanism, grid.point(axes, number)))(numbers)
-
     axes = {name: jnp.asarray(row) for name, row in grid.axes.items()}
-    lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once; tracing is half of the wait
-    values = {name: np.empty((grid.size, *out.shape[1:]), out.dtype) for name, out in lowered.out_info.items()}
-    program = lowered.compile()
+    program, shapes, chunk = _compiled(at_point, mechanism, axes, grid, chunk)
+    values = {name: np.empty((grid.size, *shape.shape[1:]), shape.dtype) for name, shape in shapes.items()}
     for first in _with_progress(range(0, grid.size, chunk), chunk, grid.size, progress):
         wanted = min(chunk, grid.size - first)
         for name, computed in program(mechanism, axes, np.int32(first)).items():
             values[name][first : first + wanted] = np.asarray(computed)[:wanted]
     return {name: rows.reshape(grid.shape + rows.shape[1:]) for name, rows in values.items()}
+
+
+def _compiled(at_point: Callable, mechanism: object, axes: dict, grid: Grid, chunk: int) -> tuple[Callable, dict, int]:
+    """The program of one chunk, the shapes of its answers, and its points: fewer than asked if they take too much."""
+
+    def of_chunk(mechanism, axes, first):
+        # The last chunk is padded with its last point, which is harmless: its values are computed anyway.
+        numbers = jnp.minimum(first + jnp.arange(chunk, dtype=jnp.int32), jnp.int32(grid.size - 1))
+        return jax.vmap(lambda number: at_point(mechanism, grid.point(axes, number)))(numbers)
+
+    lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once; tracing is half of the wait
+    program = lowered.compile()
+    analysis = program.memory_analysis()  # None where the device does not tell
+    needed = analysis.temp_size_in_bytes if analysis else 0
+    if needed > MEMORY and chunk > 1:
+        return _compiled(at_point, mechanism, axes, grid, max(1, chunk * MEMORY // needed))
+    return program, lowered.out_info, chunk
 
 
 def _one_array(name: str, value: object) -> jax.Array:
