@@ -15,8 +15,8 @@ from jaxcontact.complementarity.scaling import exponent, power_of_two
 PIVOT_FLOOR = 64
 """A pivot below PIVOT_FLOOR * n * eps of the largest balanced entry is rounding, and ends the elimination."""
 
-UNROLLED = 6
-"""Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop keeps compilation short."""
+UNROLLED = 4
+"""Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop compiles faster."""
 
 
 class Inverse(NamedTuple):
@@ -55,14 +55,19 @@ def analysed_inverse(K):
     n = K.shape[0]
     if n == 0:
         return Inverse(K, jnp.zeros((), jnp.int32), jnp.ones((), K.dtype))
-    rows = power_of_two(-exponent(jnp.max(jnp.abs(K), axis=1)), K.dtype)
-    B = K * rows[:, None]
-    columns = power_of_two(-exponent(jnp.max(jnp.abs(B), axis=0)), K.dtype)
-    B = B * columns[None, :]
+    B, rows, columns = balanced(K)
     G, rank = _gauss_jordan(B)
     G = jnp.where(rank == n, G + dot(G, jnp.eye(n, dtype=K.dtype) - dot(B, G)), G)
     condition = _row_sum_norm(B) * _row_sum_norm(G)
     return Inverse(columns[:, None] * G * rows[None, :], n - rank, condition)
+
+
+def balanced(K):
+    """(B, rows, columns): B_ij = rows_i K_ij columns_j with powers of two, entries below one."""
+    rows = power_of_two(-exponent(jnp.max(jnp.abs(K), axis=1, initial=0)), K.dtype)
+    B = K * rows[:, None]
+    columns = power_of_two(-exponent(jnp.max(jnp.abs(B), axis=0, initial=0)), K.dtype)
+    return B * columns[None, :], rows, columns
 
 
 def _gauss_jordan(B):
@@ -71,12 +76,7 @@ def _gauss_jordan(B):
     floor = PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * jnp.max(jnp.abs(B))
     free = jnp.ones(n, bool)
     carry = (B, free, free, jnp.zeros((n, n), B.dtype))
-    if n <= UNROLLED:
-        for _ in range(n):
-            carry = _sweep(carry, floor)
-    else:
-        carry = lax.fori_loop(0, n, lambda _, c: _sweep(c, floor), carry)
-    T, _, _, pairing = carry
+    T, _, _, pairing = repeated(n, lambda c: _sweep(c, floor), carry)
     return dot(pairing.T, dot(T, pairing.T)), jnp.sum(pairing).astype(jnp.int32)
 
 
@@ -86,8 +86,8 @@ def _sweep(carry, floor):
     size = jnp.where(rows_free[:, None] & columns_free[None, :], jnp.abs(T), -1)
     best = jnp.max(size)
     across = jnp.max(size, axis=1)
-    row = _first(across == best)
-    column = _first((jnp.where(row[:, None], size, -2).max(axis=0) == best) & columns_free)
+    row = first(across == best)
+    column = first((jnp.where(row[:, None], size, -2).max(axis=0) == best) & columns_free)
     go = best > floor
     pivot = jnp.where(go, jnp.sum(jnp.where(row[:, None] & column[None, :], T, 0)), 1)
     pivot_row = jnp.sum(jnp.where(row[:, None], T, 0), axis=0)
@@ -101,8 +101,17 @@ def _sweep(carry, floor):
     return jnp.where(go, exchanged, T), *kept, paired
 
 
-def _first(mask):
-    """The first true entry of a mask, alone."""
+def repeated(times, advance, carry):
+    """`advance` applied a fixed number of times."""
+    if times > UNROLLED:
+        return lax.fori_loop(0, times, lambda _, c: advance(c), carry)
+    for _ in range(times):
+        carry = advance(carry)
+    return carry
+
+
+def first(mask):
+    """(n,) bool: the first true entry of a mask, alone."""
     return mask & (jnp.cumsum(mask.astype(jnp.int32)) == 1)
 
 

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import analysed_inverse, dot
 from jaxcontact.complementarity.problems import LCP, MLCP
-from jaxcontact.complementarity.scaling import power_of_two, row_exponents
+from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
 from jaxcontact.complementarity.status import Status
 
 BACKWARD_ERROR_BOUND = 16
@@ -31,8 +31,8 @@ a quarter of the digits must remain."""
 DEGENERACY_BOUND = 64
 """z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
 
-CERTIFICATE_BOUND = 4
-"""Signs of y'F, y'P, y'N are read up to CERTIFICATE_BOUND n eps |y|'|F|..., the rounding of the products themselves."""
+CERTIFICATE_BOUND = 8
+"""A certificate must exclude every point smaller than 1 / (CERTIFICATE_BOUND n eps) times |q| / |P|."""
 
 CONDITION_BOUND = 1 / 64
 """A condition number above CONDITION_BOUND / eps makes the active equations dependent up to rounding."""
@@ -75,8 +75,8 @@ def judge(problem, claim):
     >>> judge(LCP(jnp.eye(1), -one), Claim(jnp.zeros(0), one, one, jnp.int32(Status.SOLVED), 0 * one)).status
     """
     form = normal_form(problem)
-    w = slack(problem, form, claim)
-    eta, rho = residuals(problem, form, claim.free, claim.z, w)
+    w = slack(problem, form, claim.free, claim.z, claim.w)
+    eta, rho = residuals(problem, form, claim.free, claim.z, claim.w)
     active, degenerate = classify(problem, form, claim.z, w)
     tight = analysed_inverse(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
     condition = analysed_inverse(mode_matrix(form, active.astype(form.q.dtype))).condition
@@ -86,7 +86,7 @@ def judge(problem, claim):
         free=claim.free,
         z=claim.z,
         w=w,
-        status=_status(form, claim, w, eta, rho),
+        status=_status(problem, form, claim, w, eta, rho),
         residual=rho,
         backward_error=eta,
         active=active,
@@ -96,12 +96,13 @@ def judge(problem, claim):
     )
 
 
-def _status(form, claim, w, eta, rho):
+def _status(problem, form, claim, w, eta, rho):
     """Truth table, first line that applies:
 
     data not finite, or a claim of success that overflowed     BAD_INPUT
     eta and rho small                                          SOLVED (REDUNDANT if the method says so)
-    the method gave a reason                                   that reason; a ray with a valid certificate INFEASIBLE
+    the method gave a certificate and it holds                 INFEASIBLE
+    the method gave a reason                                   that reason
     eta small                                                  ILL_CONDITIONED
     otherwise                                                  INACCURATE
     """
@@ -110,52 +111,66 @@ def _status(form, claim, w, eta, rho):
     whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
     claims = (claim.outcome == int(Status.SOLVED)) | (claim.outcome == int(Status.REDUNDANT))
     small = eta <= BACKWARD_ERROR_BOUND * eps
-    solved = small & (rho <= eps**DIGITS_KEPT)
-    proved = (claim.outcome == int(Status.RAY)) & infeasible(form, claim.certificate)
-    reason = jnp.where(proved, int(Status.INFEASIBLE), claim.outcome)
+    solved = acceptable(eta, rho, form.q.dtype)
+    proved = infeasible(problem, form, claim.certificate)
     shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
     redundant = claim.outcome == int(Status.REDUNDANT)
     good = jnp.where(redundant, int(Status.REDUNDANT), int(Status.SOLVED))
-    status = jnp.where(solved, good, jnp.where(claims, shaky, reason))
+    failed = jnp.where(proved, int(Status.INFEASIBLE), jnp.where(claims, shaky, claim.outcome))
+    status = jnp.where(solved, good, failed)
     return jnp.where(finite & (whole | ~claims), status, int(Status.BAD_INPUT)).astype(jnp.int32)
 
 
-def infeasible(form, y):
-    """bool: y'F = 0, y'P >= 0, y'N <= 0 and y'q > 0 up to the rounding of these products, so that no u and no
-    z, w >= 0 satisfy F u + P z - N w + q = 0 (Farkas): the left side times y would be positive. Because signs are read
-    up to rounding, what is excluded are points smaller than about |q| / eps."""
-    slop = CERTIFICATE_BOUND * y.shape[0] * jnp.finfo(y.dtype).eps
-
-    def product(A):
-        return dot(y, A), slop * dot(jnp.abs(y), jnp.abs(A))
-
-    (free, free_slop), (z, z_slop), (w, w_slop), (load, load_slop) = map(product, form)
-    signs = jnp.all(jnp.abs(free) <= free_slop) & jnp.all(z >= -z_slop) & jnp.all(w <= w_slop)
-    return signs & (load > load_slop)
+def acceptable(eta, rho, dtype):
+    """bool: residuals small enough for SOLVED; NaN is not."""
+    eps = jnp.finfo(dtype).eps
+    return (eta <= BACKWARD_ERROR_BOUND * eps) & (rho <= eps**DIGITS_KEPT)
 
 
-def slack(problem, form, claim):
-    """(m,) w as the problem defines it: M z + q where it is defined by z, else the claimed one."""
+def infeasible(problem, form, y):
+    """bool: y proves that no u and no z, w >= 0 of reasonable size satisfy F u + P z - N w + q = 0.
+
+    Farkas: y'F = 0, y'P >= 0, y'N <= 0, y'q > 0 contradict the equations times y. In floating point the signs hold up
+    to errors e_j; then a feasible point needs sum_j e_j z_j >= y'q, so it is larger than y'q / max_j e_j. That bound is
+    what is tested, rounding of the products included, in balanced units with |q| / |P| as unit of z.
+    """
+    n, eps = y.shape[0], jnp.finfo(y.dtype).eps
+    scale_z, scale_w = pair_scales(problem, form)
+
+    def error(A, scale, sign):
+        wrong = jnp.abs(dot(y, A)) if sign == 0 else jnp.maximum(-sign * dot(y, A), 0)
+        exact = dot(jnp.abs(y), jnp.abs(A))
+        return _largest((wrong + n * eps * exact) / scale) / _above_zero(_largest(jnp.abs(A) / scale[None, :]))
+
+    free = error(form.F, jnp.ones(form.F.shape[1], y.dtype), 0)
+    signs = jnp.maximum(error(form.P, scale_z, 1), error(form.N, scale_w, -1))
+    load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
+    allowed = CERTIFICATE_BOUND * n * eps * load / _above_zero(_largest(form.q))
+    return (load > 0) & (free <= allowed) & (signs <= allowed)
+
+
+def slack(problem, form, free, z, w):
+    """(m,) w as the problem defines it: M z + q where it is defined by z, else the given one."""
     if not isinstance(problem, LCP | MLCP):
-        return claim.w
+        return w
     k = form.F.shape[1]
-    return dot(form.P[k:], claim.z) + dot(form.F[k:], claim.free) + form.q[k:]
+    return dot(form.P[k:], z) + dot(form.F[k:], free) + form.q[k:]
 
 
 def residuals(problem, form, free, z, w):
-    """eta, rho (scalars) of a point of the normal form; eta is the larger one of the caller's and the balanced rows."""
-    if form.q.shape[0] == 0:
-        return jnp.zeros((), form.q.dtype), jnp.zeros((), form.q.dtype)
+    """eta, rho (scalars) of a point of the normal form, w being recomputed where z defines it; eta is the larger one of
+    the caller's and the balanced rows."""
+    w = slack(problem, form, free, z, w)
     miss = dot(form.F, free) + dot(form.P, z) - dot(form.N, w) + form.q
     terms = dot(jnp.abs(form.F), jnp.abs(free)) + dot(jnp.abs(form.P), jnp.abs(z)) + jnp.abs(form.q)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
         return _residuals_of_slack(problem, form, miss[:k], terms, z, w)
     terms = terms + dot(jnp.abs(form.N), jnp.abs(w))
-    size = jnp.maximum(_largest(z), _largest(w))
-    equation, pair = _largest(miss), _largest(jnp.minimum(z, w))
-    eta = jnp.maximum(_ratio(equation, _largest(terms)), _ratio(pair, size))
-    return eta, _ratio(equation, _largest(form.q))
+    scale_z, scale_w = pair_scales(problem, form)
+    size = jnp.maximum(_largest(z * scale_z), _largest(w * scale_w))
+    pair = _ratio(_largest(jnp.minimum(z * scale_z, w * scale_w)), size)
+    return jnp.maximum(_ratio(_largest(miss), _largest(terms)), pair), _ratio(_largest(miss), _largest(form.q))
 
 
 def _residuals_of_slack(problem, form, miss, terms, z, w):
@@ -165,8 +180,8 @@ def _residuals_of_slack(problem, form, miss, terms, z, w):
     t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
     rho = _ratio(jnp.maximum(_largest(miss), _largest(jnp.minimum(t * z, w))), _largest(form.q))
     plain = _backward(miss, terms[:k], terms[k:], z, w)
-    balance = power_of_two(pair_exponents(problem, form), z.dtype)
-    balanced = _backward(miss, terms[:k], balance * terms[k:], z / balance, balance * w)
+    scale_z, scale_w = pair_scales(problem, form)
+    balanced = _backward(miss, terms[:k], scale_w * terms[k:], scale_z * z, scale_w * w)
     return jnp.maximum(plain, balanced), rho
 
 
@@ -176,27 +191,33 @@ def _backward(miss, free_terms, terms, z, w):
     return jnp.maximum(_ratio(_largest(miss), s), _largest(pairs))
 
 
-def pair_exponents(problem, form):
-    """(m,) int: z 2^-e and w 2^e of all pairs are comparable. Zero where z and w share a unit anyway."""
-    m = form.P.shape[1]
-    if m == 0 or not isinstance(problem, LCP | MLCP):
-        return jnp.zeros(m, jnp.int32)
-    return row_exponents(form.P[form.F.shape[1] :])
+def pair_scales(problem, form):
+    """(m,), (m,) powers of two that make all z comparable, and all w.
+
+    Where w is a slack they undo the units of the rows, as in `scaling.row_exponents`; in horizontal form each unknown
+    is multiplied by the size of its column, so that all have the unit of q.
+    """
+    dtype = form.q.dtype
+    if isinstance(problem, LCP | MLCP):
+        rows = row_exponents(form.P[form.F.shape[1] :])
+        return power_of_two(-rows, dtype), power_of_two(rows, dtype)
+    return tuple(power_of_two(exponent(jnp.max(jnp.abs(A), axis=0, initial=0)), dtype) for A in (form.P, form.N))
 
 
 def classify(problem, form, z, w):
     """(active, degenerate), (m,) bool each: z_i positive beyond rounding; z_i and w_i both zero up to rounding."""
-    e = pair_exponents(problem, form)
-    z, w = z * power_of_two(-e, z.dtype), w * power_of_two(e, w.dtype)
+    scale_z, scale_w = pair_scales(problem, form)
+    size_z, size_w = _largest(z * scale_z), _largest(w * scale_w)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
-        terms = dot(jnp.abs(form.P[k:]), jnp.abs(z * power_of_two(e, z.dtype))) + jnp.abs(form.q[k:])
-        size_z, size_w = _largest(z), _largest(terms * power_of_two(e, w.dtype))
+        terms = dot(jnp.abs(form.P[k:]), jnp.abs(z)) + jnp.abs(form.q[k:])
+        size_w = _largest(terms * scale_w)
     else:
-        size_z = size_w = jnp.maximum(_largest(z), _largest(w))
+        size_z = size_w = jnp.maximum(size_z, size_w)
     zero = DEGENERACY_BOUND * jnp.finfo(z.dtype).eps
-    z_is_zero, w_is_zero = z <= zero * size_z, w <= zero * size_w
-    return ~z_is_zero & (w_is_zero | (z / _above_zero(size_z) > w / _above_zero(size_w))), z_is_zero & w_is_zero
+    part_z, part_w = _ratio(z * scale_z, size_z), _ratio(w * scale_w, size_w)
+    active = (part_z > zero) & ((part_w <= zero) | (part_z > part_w))
+    return active, (part_z <= zero) & (part_w <= zero)
 
 
 def _largest(x):

@@ -30,3 +30,11 @@ def record(cls):
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
     return cls
+
+
+def unchecked(cls, **fields):
+    """A record from fields that are known to fit: for traced code, where the checks would only repeat themselves."""
+    item = object.__new__(cls)
+    for name, value in fields.items():
+        object.__setattr__(item, name, value)
+    return item

@@ -58,7 +58,7 @@ def row_exponents(M):
     """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 2). Where M_ii <= 0 the
     largest entries of row and column stand in, and a zero row and column leaves e = 0."""
     diagonal = jnp.diagonal(M)
-    across, down = jnp.max(jnp.abs(M), axis=1), jnp.max(jnp.abs(M), axis=0)
+    across, down = jnp.max(jnp.abs(M), axis=1, initial=0), jnp.max(jnp.abs(M), axis=0, initial=0)
     one_sided = jnp.where(across > 0, exponent(across), exponent(down))
     both = (exponent(across) + exponent(down)) // 2
     fallback = jnp.where((across > 0) & (down > 0), both, one_sided)

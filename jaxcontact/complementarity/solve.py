@@ -6,10 +6,15 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.complementarity.conversions import horizontal_as_ave
 from jaxcontact.complementarity.derivative import attach
-from jaxcontact.complementarity.forms import sizes
-from jaxcontact.complementarity.judge import Claim, judge
-from jaxcontact.complementarity.problems import LCP, AbsoluteValueEquation, Problem, check_finite
+from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
+from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, dot
+from jaxcontact.complementarity.judge import Claim, judge, pair_scales, residuals
+from jaxcontact.complementarity.method import Answer
+from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, HorizontalLCP, Problem, check_finite
+from jaxcontact.complementarity.records import unchecked
+from jaxcontact.complementarity.reduction import reduce_to_lcp
 from jaxcontact.complementarity.solution import Solution
 from jaxcontact.complementarity.status import Status
 
@@ -56,13 +61,63 @@ def _solved(problem, method, start):
 
 def _claimed(problem, method, start):
     """The method's `Claim` on the normal form of the problem, and its steps."""
-    answer, steps = iterate(problem, method, start)
-    return Claim(problem.q[:0], answer.z, answer.z, answer.outcome, answer.certificate), steps
+    if getattr(method, "kind", LCP) is AbsoluteValueEquation and not isinstance(problem, MLCP):
+        return _claimed_as_ave(problem, method, start)
+    if isinstance(problem, LCP):
+        answer, steps = iterate(problem, method, start)
+        return Claim(problem.q[:0], answer.z, answer.z, answer.outcome, answer.certificate), steps
+    form = normal_form(problem)
+    reduction = reduce_to_lcp(form)
+    inner = None if start is None else jnp.where(reduction.eliminated, 0, start)
+    answer, steps = iterate(reduction.lcp, method, inner)
+    point = _polished(problem, form, reduction.back(answer.z))
+    success = answer.outcome == int(Status.SOLVED)
+    outcome = jnp.where(success & reduction.dependent, int(Status.REDUNDANT), answer.outcome)
+    certificate = dot(answer.certificate, reduction.transform)
+    certificate = jnp.where(reduction.dependent & success, reduction.contradiction, certificate)
+    free = _least_norm(form.F, point[0], reduction.dependent)
+    return Claim(free, *point[1:], outcome, certificate), steps
 
 
-def iterate(problem: LCP, method, start):
-    """Run the method's steps on an LCP until it is done or its budget is spent: (answer, steps)."""
-    m = problem.q.shape[0]
+def _claimed_as_ave(problem, method, start):
+    """Methods for absolute value equations see every problem without free unknowns as one; x = z - w throughout."""
+    form = normal_form(problem)
+    ave = horizontal_as_ave(unchecked(HorizontalLCP, N=form.N, M=form.P, q=form.q))[0]
+    answer, steps = iterate(ave, method, start)
+    z, w = jnp.maximum(answer.z, 0), jnp.maximum(-answer.z, 0)
+    free, z, w = _polished(problem, form, (form.q[:0], z, w))
+    return Claim(free, z, w, answer.outcome, answer.certificate), steps
+
+
+def _polished(problem, form, point):
+    """The point, or the solution of the linear system of its own mode, whichever has the smaller backward error."""
+    free, z, w = (jnp.maximum(part, 0) if i else part for i, part in enumerate(point))
+    scale_z, scale_w = pair_scales(problem, form)
+    K = mode_matrix(form, (z * scale_z > w * scale_w).astype(z.dtype))
+    G = analysed_inverse(K).matrix
+    x = -dot(G, form.q)
+    x = x - dot(G, dot(K, x) + form.q)
+    k = free.shape[0]
+    fresh = x[:k], jnp.maximum(x[k:], 0), jnp.maximum(-x[k:], 0)
+    better = residuals(problem, form, *fresh)[0] < residuals(problem, form, free, z, w)[0]
+    return tuple(jnp.where(better, new, old) for new, old in zip(fresh, (free, z, w), strict=True))
+
+
+def _least_norm(F, free, dependent):
+    """The u of least norm with the same F u, where equations are dependent."""
+    if free.shape[0] == 0:
+        return free
+    rank_tolerance = PIVOT_FLOOR * F.shape[0] * float(jnp.finfo(F.dtype).eps)
+    sane = jnp.where(dependent, F, jnp.eye(*F.shape, dtype=F.dtype))
+    return jnp.where(dependent, dot(jnp.linalg.pinv(sane, rtol=rank_tolerance), dot(F, free)), free)
+
+
+def iterate(problem, method, start):
+    """Run the method's steps on a problem of its kind until it is done or its budget is spent: (answer, steps)."""
+    q = problem.w if isinstance(problem, AbsoluteValueEquation) else problem.q
+    m = q.shape[0]
+    if m == 0:
+        return Answer(q, jnp.int32(Status.SOLVED), q), jnp.int32(0)
     budget = method.budget(m)
 
     def unfinished(carry):

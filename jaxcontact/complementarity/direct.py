@@ -1,0 +1,117 @@
+"""One or two contacts in closed form: every vertex of every mode is tried, so that nothing is missed.
+
+The solutions in one mode form a polyhedron without lines, hence with a vertex, and each vertex has at most two
+unknowns from two equations. Six candidates cover m = 2: z = 0; z_1 from either row; z_2 from either row; both.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxcontact.complementarity.gauss_seidel import hopeless_row
+from jaxcontact.complementarity.judge import BACKWARD_ERROR_BOUND
+from jaxcontact.complementarity.method import Answer
+from jaxcontact.complementarity.problems import LCP
+from jaxcontact.complementarity.scaling import scaled
+from jaxcontact.complementarity.status import Status
+
+LARGEST = 2
+"""More contacts have more vertices than a closed form should list."""
+
+
+class Best(NamedTuple):
+    """The candidate with the least violation."""
+
+    z: jax.Array
+    """(m,) in the caller's units"""
+    violation: jax.Array
+    """backward error of z in balanced units"""
+    done: jax.Array
+    """bool, always true: nothing is iterated"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Direct:
+    """Closed form for m <= 2.
+
+    Where every candidate fails the status is NO_SOLUTION, or INFEASIBLE if a row alone proves it.
+    Raises ValueError for more contacts.
+
+    >>> solve(LCP([[-1.0]], [-1.0]), Direct()).status     # NO_SOLUTION or INFEASIBLE: M < 0 and q < 0
+    """
+
+    def budget(self, m):
+        """No step is needed."""
+        return 1
+
+    def init(self, problem: LCP, start):
+        """All candidates, the best of them."""
+        m = problem.q.shape[0]
+        if m > LARGEST:
+            raise ValueError(f"Direct: got {m} contacts, takes at most {LARGEST}; write Lemke()")
+        data = scaled(problem.M, problem.q)
+        M, q = data.M, data.q
+        best = [jnp.zeros((), q.dtype)] * m
+        least = _violation(M, q, best)
+        for candidate in _vertices(M, q):
+            violation = _violation(M, q, candidate)
+            better = violation < least
+            best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
+            least = jnp.where(better, violation, least)
+        return Best(data.unscale(jnp.stack(best)), least, jnp.ones((), bool))
+
+    def step(self, problem: LCP, state: Best):
+        """Nothing to do."""
+        return state
+
+    def read(self, problem: LCP, state: Best):
+        """The best candidate."""
+        found = state.violation <= BACKWARD_ERROR_BOUND * jnp.finfo(problem.q.dtype).eps
+        outcome = jnp.where(found, int(Status.SOLVED), int(Status.NO_SOLUTION)).astype(jnp.int32)
+        return Answer(state.z, outcome, hopeless_row(problem))
+
+
+def _vertices(M, q):
+    """Candidates (z_1, ..., z_m) besides zero, negative entries cut to zero; they are judged as cut."""
+    if q.shape[0] == 1:
+        return [(_held(_quotient(-q[0], M[0, 0])),)]
+    zero = jnp.zeros((), q.dtype)
+    first = [(_held(_quotient(-q[i], M[i, 0])), zero) for i in range(2)]
+    second = [(zero, _held(_quotient(-q[i], M[i, 1]))) for i in range(2)]
+    determinant = M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    z = [
+        _quotient(M[0, 1] * q[1] - M[1, 1] * q[0], determinant),
+        _quotient(M[1, 0] * q[0] - M[0, 0] * q[1], determinant),
+    ]
+    miss = [M[i, 0] * z[0] + M[i, 1] * z[1] + q[i] for i in range(2)]
+    z[0] = z[0] + _quotient(M[0, 1] * miss[1] - M[1, 1] * miss[0], determinant)
+    z[1] = z[1] + _quotient(M[1, 0] * miss[0] - M[0, 0] * miss[1], determinant)
+    return [*first, *second, tuple(_held(part) for part in z)]
+
+
+def _violation(M, q, z):
+    """eta of z in balanced units, from scalars."""
+    m = len(z)
+    w = [sum((M[i, j] * z[j] for j in range(m)), q[i]) for i in range(m)]
+    terms = [sum((jnp.abs(M[i, j]) * z[j] for j in range(m)), jnp.abs(q[i])) for i in range(m)]
+    size_z, size_w = (_above_zero(_largest(parts)) for parts in (z, terms))
+    return _largest([jnp.abs(jnp.minimum(z[i] / size_z, w[i] / size_w)) for i in range(m)])
+
+
+def _largest(scalars):
+    return scalars[0] if len(scalars) == 1 else jnp.maximum(*scalars)
+
+
+def _above_zero(x):
+    return jnp.where(x > 0, x, 1)
+
+
+def _held(x):
+    return jnp.maximum(x, 0)
+
+
+def _quotient(a, b):
+    """a / b, and zero where b is zero: z = 0 is a candidate anyway."""
+    return jnp.where(b == 0, 0, a / jnp.where(b == 0, 1, b))

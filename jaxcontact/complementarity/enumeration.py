@@ -1,0 +1,180 @@
+"""Every solution of a small problem: all 2^m modes are tried.
+
+On each mode the problem is a linear system with sign conditions. A regular mode holds at most one point; a mode of
+rank one less holds a segment or ray, or one point of the line, or nothing, which is decided by the signs along the
+line; modes of lower rank are sampled at one point, and `undecided` says if that left a doubt. Solutions on the border
+of several modes are merged.
+"""
+
+from itertools import product
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxcontact.complementarity.derivative import attach
+from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
+from jaxcontact.complementarity.inverse import analysed_inverse, dot, first
+from jaxcontact.complementarity.judge import BACKWARD_ERROR_BOUND, acceptable, pair_scales, residuals, slack
+from jaxcontact.complementarity.records import record
+
+LARGEST = 10
+"""More contacts than this have more than a thousand modes; the count doubles with each."""
+
+MERGE_BOUND = 64
+"""Points nearer than MERGE_BOUND eps condition |point| are the same solution; so are line parameters."""
+
+NEGLIGIBLE = 64
+"""Entries of a null vector below NEGLIGIBLE n eps of its largest one are zero."""
+
+FURTHEST = 0.25
+"""Points may merge up to this power of eps relative to their size, however ill-conditioned they are."""
+
+
+@record
+class AllSolutions:
+    """All solutions of one problem, one row for each of the 2^m modes; rows that hold none are NaN and not valid.
+
+    >>> every = all_solutions(LCP([[-1.0]], [1.0])); every.count, every.z[every.valid]     # 2: z = 0 and z = 1
+    """
+
+    free: jax.Array
+    """(2^m, k) free unknowns"""
+    z: jax.Array
+    """(2^m, m)"""
+    w: jax.Array
+    """(2^m, m)"""
+    valid: jax.Array
+    """(2^m,) bool: the row holds a solution that no earlier row holds"""
+    count: jax.Array
+    """int32: number of valid rows; with `infinite`, of the listed points of the families and of isolated solutions"""
+    infinite: jax.Array
+    """bool: some mode holds a segment or a ray of solutions"""
+    undecided: jax.Array
+    """bool: a mode of low rank could not be excluded, or the data are not finite; the list may miss solutions"""
+
+    @property
+    def none(self):
+        """bool: no solution exists."""
+        return (self.count == 0) & ~self.undecided
+
+    @property
+    def unique(self):
+        """bool: exactly one solution exists."""
+        return (self.count == 1) & ~self.infinite & ~self.undecided
+
+    @property
+    def several(self):
+        """bool: more than one, but finitely many."""
+        return (self.count > 1) & ~self.infinite & ~self.undecided
+
+
+def all_solutions(problem):
+    """`AllSolutions` of an LCP, MLCP, HorizontalLCP or AbsoluteValueEquation with at most LARGEST pairs, in 2^m work.
+
+    The mixed sliding problem is a HorizontalLCP whose bilateral pairs are the signs of the forces (tutorial (61)).
+    Each row is differentiable as its own branch. Raises ValueError beyond LARGEST pairs or for batched arrays.
+
+    >>> all_solutions(AbsoluteValueEquation(A, B, w)).count
+    """
+    _check_size(problem)
+    return _enumerated(problem)
+
+
+@jax.jit
+def _enumerated(problem):
+    fixed = lax.stop_gradient(problem)
+    form = normal_form(fixed)
+    modes = jnp.array(list(product((False, True), repeat=form.P.shape[1])), bool).reshape(-1, form.P.shape[1])
+    free, z, w, holds, family, doubt, radius = jax.vmap(lambda mode: _solved_mode(fixed, form, mode))(modes)
+    valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
+    point = [jnp.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
+    free, z, w = jax.vmap(lambda *part: attach(problem, *part))(*point)
+    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
+    return AllSolutions(
+        free=free,
+        z=z,
+        w=w,
+        valid=valid,
+        count=jnp.sum(valid).astype(jnp.int32),
+        infinite=jnp.any(family & holds),
+        undecided=jnp.any(doubt) | ~finite,
+    )
+
+
+def _solved_mode(problem, form, mode):
+    """(free, z, w, holds, family, doubt, radius) of one mode: a point, whether it solves, whether the mode holds more
+    than one, whether that is unsure, and how far rounding may have moved the point (relative to its size)."""
+    k, m = form.F.shape[1], form.P.shape[1]
+    K = mode_matrix(form, mode.astype(form.q.dtype))
+    found = analysed_inverse(K)
+    x = -dot(found.matrix, form.q)
+    x = x - dot(found.matrix, dot(K, x) + form.q)
+    sign = jnp.concatenate([jnp.zeros(k, x.dtype), jnp.where(mode, 1, -1).astype(x.dtype)])
+    line = _null_vector(K, found)
+    shift, length = _stretch(sign * x, sign * line)
+    x = jnp.where(found.deficiency == 1, x + shift * line, x)
+    size = jnp.maximum(sign * x, 0)[k:]
+    free, z, w = x[:k], jnp.where(mode, size, 0), jnp.where(mode, 0, size)
+    eps = jnp.finfo(x.dtype).eps
+    terms = jnp.max(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
+    inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= BACKWARD_ERROR_BOUND * (k + m) * eps * terms
+    holds = inside & acceptable(*residuals(problem, form, free, z, w), x.dtype)
+    consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
+    doubt = (found.deficiency > 1) & ~holds & consistent
+    family = (found.deficiency > 1) | ((found.deficiency == 1) & (length > MERGE_BOUND * (k + m) * eps))
+    radius = MERGE_BOUND * eps * found.condition
+    return free, z, slack(problem, form, free, z, w), holds, family, doubt, radius
+
+
+def _miss(K, x, q):
+    return jnp.max(jnp.abs(dot(K, x) + q), initial=0)
+
+
+def _null_vector(K, found):
+    """(n,) the largest column of I - G K: it spans the kernel of K if that is a line; zero for a regular K."""
+    n = K.shape[0]
+    if n == 0:
+        return jnp.zeros(0, K.dtype)
+    kernel = jnp.eye(n, dtype=K.dtype) - dot(found.matrix, K)
+    heights = jnp.max(jnp.abs(kernel), axis=0)
+    column = jnp.sum(jnp.where(first(heights == jnp.max(heights))[None, :], kernel, 0), axis=1)
+    column = jnp.where(jnp.abs(column) > NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * jnp.max(jnp.abs(column)), column, 0)
+    return jnp.where(found.deficiency > 0, column, 0)
+
+
+def _stretch(y, line):
+    """(t, length): y + t line >= 0 at an end of the stretch of the line where it can be, and that stretch's length
+    relative to the numbers that enter it, negative if there is none. Entries where line is zero play no part."""
+    rising, falling = line > 0, line < 0
+    at = -y / jnp.where(line == 0, 1, line)
+    low = jnp.max(jnp.where(rising, at, -jnp.inf), initial=-jnp.inf)
+    high = jnp.min(jnp.where(falling, at, jnp.inf), initial=jnp.inf)
+    t = jnp.where(jnp.isfinite(low), low, jnp.where(jnp.isfinite(high), high, 0))
+    size = jnp.max(jnp.where(line == 0, 0, jnp.abs(at)), initial=0)
+    return t, jnp.where(high - low > 0, (high - low) / jnp.where(size > 0, size, 1), -1)
+
+
+def _repeats(problem, form, point, holds, radius):
+    """(2^m,) bool: an earlier solving row holds the same point, up to rounding."""
+    scale_z, scale_w = pair_scales(problem, form)
+    _, z, w = point
+    rows = jnp.concatenate([z * scale_z[None, :], w * scale_w[None, :]], axis=1)
+    order = jnp.arange(rows.shape[0])
+    size = jnp.max(jnp.abs(jnp.where(holds[:, None], rows, 0)), axis=1, initial=0)
+    cap = jnp.finfo(rows.dtype).eps ** FURTHEST
+
+    def repeated(i):
+        apart = jnp.max(jnp.abs(rows - rows[i][None, :]), axis=1, initial=0)
+        near = apart <= jnp.minimum(jnp.maximum(radius, radius[i]), cap) * jnp.maximum(size, size[i])
+        return jnp.any(near & holds & (order < i))
+
+    return lax.map(repeated, order)
+
+
+def _check_size(problem):
+    m = sizes(problem)[1]
+    if normal_form(problem).q.ndim != 1:
+        raise ValueError("all_solutions: takes one problem; write jax.vmap(all_solutions)")
+    if m > LARGEST:
+        raise ValueError(f"all_solutions: {m} pairs mean 2^{m} modes, at most {LARGEST} pairs are listed; use solve")
