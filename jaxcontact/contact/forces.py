@@ -1,0 +1,240 @@
+"""Forces and accelerations of a mechanism in sliding contact."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from .. import linalg
+from ..complementarity import Direct, Lemke, Solution, Status, solve
+from ..dynamics import Contact, Delassus, State, terms
+from ..dynamics.delassus import select, select_columns
+from ..dynamics.numbers import is_concrete
+from ..dynamics.sound import refuse_unsound
+from .law import coefficients, sticks
+from .mass import constrained_mass
+from .residuals import Motion, Residuals, residuals
+from .sliding import Sliding, normal_forces, sliding, sort_contacts
+from .soundness import harmless, is_sound, without_idle_directions
+from .span import dependence
+from .whitening import whitened
+
+ROUNDING = 1024
+"""SOLVED requires every residual of the mechanics below ROUNDING (n + m) eps: 1e-12 in float64 for five unknowns."""
+
+CLOSED_FORM = 2
+"""Most contacts that `Direct` takes."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class ContactForces:
+    """Forces and accelerations, judged; under vmap every field carries the batch axes in front.
+
+    Where the status is neither SOLVED nor REDUNDANT the numbers are NaN and have zero derivative.
+    """
+
+    normal: Array
+    """(m,) normal forces lambda_n, N; positive pushes. If REDUNDANT: one of several (all frictionless and bilateral:
+    the one of least norm)."""
+    tangential: Array
+    """(m,) friction forces -mu xi |lambda_n|, N; zero at frictionless contacts."""
+    acceleration: Array
+    """(n,) generalised accelerations, m/s^2 and rad/s^2."""
+    status: Array
+    """int32, a `jaxcontact.Status`."""
+    residual: Array
+    """The largest of `residuals`, no unit."""
+    residuals: Residuals
+    """Relative violations of dynamics, constraints, complementarity and Coulomb's law, from the mechanism's terms."""
+    open: Array
+    """(m,) bool: unilateral contacts that carry no force."""
+    unique: Array
+    """bool: certified by the direct bound that no other forces solve the problem; False says nothing."""
+    degenerate: Array
+    """int32: contacts at a kink, with zero force and zero acceleration of the gap, or at a change of sign; derivatives
+    there are one element of Clarke's generalised derivative."""
+    steps: Array
+    """int32: steps of the method; 0 where a linear solve was enough."""
+
+    @property
+    def answered(self) -> Array:
+        """bool: SOLVED or REDUNDANT."""
+        return (self.status == int(Status.SOLVED)) | (self.status == int(Status.REDUNDANT))
+
+
+def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method: Any = None) -> ContactForces:
+    """What the contacts of `mechanism` exert at `state`, and how it accelerates.
+
+    `contact_forces(guides, guides.state(theta=0.9, speed=1.0), jnp.array([0.2, 0.3])).normal`
+
+    The contact kinds, static, choose the problem (`jaxcontact.contact.sliding`): a linear solve, an absolute value
+    equation, an LCP or both. If there is no solution the answer is NaN with the reason; if there are several it is one
+    of them. A contact with friction and no slip is STICKING. A singular mass matrix is accepted where the bilateral
+    constraints determine the acceleration (Proposition 1(ii)); redundant bilateral constraints too.
+
+    Args:
+        mechanism, state: one state; batches through `jax.vmap`.
+        mu: (m,) coefficients of friction in the order of the contacts; entries of frictionless contacts are ignored.
+            None if nothing is frictional.
+        method: of `jaxcontact.solve`; None chooses.
+
+    Raises (shapes; values in eager calls only, in a trace they become BAD_INPUT):
+        ValueError: mu of another shape, negative or not finite; a state off the constraints or not finite; a mass
+            matrix that does not determine the acceleration.
+        TypeError: the mechanism lacks a method or one returns a wrong shape; `method` is none.
+    """
+    mu = coefficients(mechanism.contacts, mu, state.q.dtype)
+    method = _cheapest(mechanism.contacts) if method is None else method
+    if not is_concrete((mechanism, state, mu)):
+        return _forces(mechanism, state, mu, method)[0]
+    forces, operators = _forces(mechanism, state, mu, method)
+    if int(forces.status) == Status.BAD_INPUT:
+        refuse_unsound(mechanism, state, operators, _energy_at_rest(mechanism, state))
+        raise ValueError(f"{type(mechanism).__name__}: the numbers at this state overflow; choose other units")
+    return forces
+
+
+def _cheapest(contacts: tuple[Contact, ...]) -> Any:
+    """One or two contacts with a law of their own in closed form, which misses no solution; more by pivoting."""
+    return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
+
+
+@partial(jax.jit, static_argnames=("method",), inline=True)
+def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[ContactForces, Delassus]:
+    """The forces, and the operators for the door. Derivatives pass through lanes with sound input only."""
+    contacts = mechanism.contacts
+    seen, stuck, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
+    clear = sound & ~jnp.any(stuck)
+    mechanism, state, mu = _differentiable_where(clear, (mechanism, state, mu))
+    parts = harmless(without_idle_directions(terms(mechanism, state), stuck | (mu == 0)), clear)
+    friction = jnp.where(clear, mu * jnp.sign(parts.slip), 0)
+    heavy, _ = constrained_mass(parts, contacts)
+    operators = whitened(heavy, contacts)
+    found = sliding(operators, friction)
+    solution = None if found.problem is None else solve(found.problem, method)
+    normal, a = _accelerated(operators, friction, found, solution)
+    reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
+    status = jnp.where(clear, _status(operators, found, solution), reason)
+    return _judged(parts, operators, friction, found, solution, normal, a, status), seen
+
+
+def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Delassus, Array, Array]:
+    """(operators, contacts that stick (m,), whether all input is sound)."""
+    contacts = mechanism.contacts
+    parts = terms(mechanism, state)
+    stuck = sticks(contacts, parts, state, mu)
+    parts = without_idle_directions(parts, stuck | (mu == 0))
+    heavy, massive = constrained_mass(parts, contacts)
+    sound = is_sound(contacts, parts, state, mu) & massive
+    operators = whitened(heavy, contacts)
+    return replace(operators, L=jnp.where(massive, operators.L, jnp.nan)), stuck, sound
+
+
+def _differentiable_where(clear: Array, tree: Any) -> Any:
+    """The same values, without derivative where not clear: NaN partial derivatives of a bad lane end here."""
+    return jax.tree.map(lambda x: jnp.where(clear, x, lax.stop_gradient(x)), tree)
+
+
+def _accelerated(operators: Delassus, friction: Array, found: Sliding, solution: Solution | None):
+    """Normal forces (m,) and accelerations (n,): L^T a = N lambda - D |lambda| - L^-1 F."""
+    normal = normal_forces(operators, friction, found, _remaining(operators.contacts, solution, friction))
+    pushes = operators.N * normal[None, :] - operators.T * (friction * jnp.abs(normal))[None, :]
+    alpha = jnp.sum(pushes, axis=1) - linalg.solve_lower(operators.L, operators.terms.F)
+    return normal, linalg.solve_lower_transposed(operators.L, alpha)
+
+
+def _remaining(contacts: tuple[Contact, ...], solution: Solution | None, like: Array) -> Array:
+    """(r,) forces of the contacts the problem is about; lambda+ - lambda- of signed ones."""
+    if solution is None:
+        return like[:0]
+    kinds = sort_contacts(contacts)
+    signed = jnp.arange(len(kinds.rest)) < len(kinds.signed)
+    return jnp.where(signed, solution.z - solution.w, solution.z) if kinds.signed else solution.z
+
+
+def _status(operators: Delassus, found: Sliding, solution: Solution | None) -> Array:
+    """The solver's word, overruled where linear constraints contradict each other or depend on one another."""
+    status = jnp.int32(Status.SOLVED) if solution is None else solution.status
+    answered = True if solution is None else solution.answered
+    dependent = found.span.deficient | (False if solution is None else solution.redundant)
+    status = jnp.where(answered & dependent, int(Status.REDUNDANT), status)
+    return jnp.where(_contradiction(operators, found), int(Status.INFEASIBLE), status)
+
+
+def _contradiction(operators: Delassus, found: Sliding) -> Array:
+    """bool: y = w_e - N_e^T (N_e^+)^T w_e proves that no acceleration satisfies the linear constraints: G_e y = 0 yet
+    y^T w_e > 0, beyond the rounding of these products."""
+    linear = sort_contacts(operators.contacts).linear
+    N, w = select_columns(operators.N, linear), select(operators.w, linear)
+    y = w - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, w))
+    noise = dependence(sum(N.shape), N.dtype)
+    combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
+    proved = jnp.all(combined <= noise * jnp.max(size, initial=0))
+    return found.span.deficient & proved & (jnp.sum(y * w) > noise * jnp.sum(w * w))
+
+
+def _judged(parts, operators, friction, found, solution, normal, a, status) -> ContactForces:
+    """The record; where there is no answer, or the mechanics are not satisfied, NaN."""
+    contacts, eps = operators.contacts, float(jnp.finfo(a.dtype).eps)
+    misses = residuals(contacts, *lax.stop_gradient((parts, _motion(operators, friction, normal, a))))
+    claimed = (status == int(Status.SOLVED)) | (status == int(Status.REDUNDANT))
+    small = misses.largest <= ROUNDING * sum(parts.G.shape) * eps
+    status = jnp.where(claimed & ~small, int(Status.INACCURATE), status).astype(jnp.int32)
+    answered = claimed & small
+
+    def kept(x):
+        return jnp.where(answered, x, jnp.nan)
+
+    return ContactForces(
+        normal=kept(normal),
+        tangential=kept(-friction * jnp.abs(normal)),
+        acceleration=kept(a),
+        status=status,
+        residual=kept(misses.largest),
+        residuals=Residuals(*(kept(miss) for miss in misses)),
+        open=_open(contacts, solution) & answered,
+        unique=_certified(found) & answered,
+        degenerate=jnp.int32(0) if solution is None else jnp.where(answered, solution.degenerate, 0),
+        steps=jnp.int32(0) if solution is None else solution.steps,
+    )
+
+
+def _motion(operators: Delassus, friction: Array, normal: Array, a: Array) -> Motion:
+    lengths = _length(operators.N)
+    load = _length(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
+    return Motion(a, normal, -friction * jnp.abs(normal), friction, lengths, load)
+
+
+def _length(columns: Array) -> Array:
+    """(k,) lengths of columns (n, k); it is not differentiated."""
+    return jnp.sqrt(jnp.sum(lax.stop_gradient(columns) ** 2, axis=0))
+
+
+def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
+    """(m,) bool: unilateral and without force."""
+    rest = sort_contacts(contacts).rest
+    places = {i: k for k, i in enumerate(rest)}
+    closed = jnp.ones((), bool)
+    flags = [closed if c.bilateral else solution.active[places[i]] for i, c in enumerate(contacts)]
+    return ~jnp.stack(flags) if flags else jnp.zeros((0,), bool)
+
+
+def _certified(found: Sliding) -> Array:
+    """bool: sigma_min(N)^2 > sigma_max(N^T D), so that W - Wt D is positive definite for all signs and the solution is
+    unique (the direct bound of the mixed problem), and the linear contacts are independent."""
+    found = lax.stop_gradient(found)
+    noise = dependence(sum(found.N.shape), found.N.dtype)
+    least, greatest = linalg.singular_value_min(found.N), linalg.singular_value_max(found.N)
+    pulled = linalg.singular_value_max(linalg.gram(found.N, found.D))
+    return (least > noise * greatest) & (least**2 * (1 - noise) > pulled) & ~found.span.deficient
+
+
+@jax.jit
+def _energy_at_rest(mechanism: Any, state: State) -> Array:
+    if hasattr(mechanism, "mass_matrix"):
+        return jnp.zeros((), state.q.dtype)
+    return mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))

@@ -1,0 +1,61 @@
+"""A mass matrix that is singular but for the constraints, made regular by them.
+
+If bilateral constraints G_b^T a + c_b = 0 hold, then M a + F and (M + Gamma) a + F + g with
+
+    Gamma = gamma G_b G_b^T,   g = gamma G_b c_b,   gamma >= 0
+
+are equal: the same accelerations and forces solve both. M + Gamma is positive definite if M is positive semi-definite
+and ker M meets ker G_b^T in zero only, which is the condition of Proposition 1(ii) of the tutorial for the KKT system
+(4) to determine the acceleration. Then everything goes on as with a regular mass matrix.
+"""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+from jax import Array, lax
+
+from .. import linalg
+from ..dynamics import Contact, Terms
+from ..dynamics.delassus import select, select_columns
+
+SINGULAR = 16
+"""A pivot of the Cholesky factorisation below SINGULAR n eps of its diagonal entry is rounding."""
+
+
+def constrained_mass(parts: Terms, contacts: tuple[Contact, ...]) -> tuple[Terms, Array]:
+    """(terms with the mass matrix regular where the bilateral constraints can make it so, whether it is now sound).
+
+    Sound, a bool: M is symmetric positive semi-definite, and definite on what the bilateral constraints leave free.
+
+    >>> constrained_mass(terms(mechanism, state), mechanism.contacts)[1]
+    """
+    regular = is_definite(parts.M)
+    held = tuple(i for i, contact in enumerate(contacts) if contact.bilateral)
+    if not held:
+        return parts, regular
+    G, c = select_columns(parts.G, held), select(parts.c, held)
+    gamma = jnp.where(regular, 0, _stiffness(parts.M, G))
+    stiffer = linalg.gram((gamma * G).T, G.T)
+    M, F = parts.M + stiffer, parts.F + linalg.gram((gamma * G).T, c)
+    return replace(parts, M=M, F=F), regular | (is_definite(M) & _is_semidefinite(parts.M, stiffer))
+
+
+def is_definite(M: Array) -> Array:
+    """bool: M (n, n) is positive definite, beyond rounding."""
+    n = M.shape[0]
+    M = lax.stop_gradient(M)
+    L = linalg.cholesky(M)
+    noise = SINGULAR * n * float(jnp.finfo(M.dtype).eps)
+    return jnp.all(jnp.diagonal(L) ** 2 > noise * jnp.diagonal(M)) & jnp.all(jnp.isfinite(L))
+
+
+def _stiffness(M: Array, G: Array) -> Array:
+    """gamma: as stiff as the largest mass along the longest gradient. Any positive number would do."""
+    size = jnp.max(jnp.sum(G * G, axis=0), initial=0)
+    return lax.stop_gradient(jnp.max(jnp.abs(M), initial=0) / jnp.where(size > 0, size, 1))
+
+
+def _is_semidefinite(M: Array, stiffer: Array) -> Array:
+    """bool: M has no negative direction, up to half the digits: M + sqrt(eps) (diag |M| + Gamma) is definite."""
+    share = float(jnp.finfo(M.dtype).eps) ** 0.5
+    return is_definite(M + share * (jnp.diag(jnp.abs(jnp.diagonal(M))) + stiffer))

@@ -1,0 +1,32 @@
+"""Is this a state that contact problems are about? In a trace the answer is a status, eagerly an exception."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+from jax import Array
+
+from ..dynamics import Contact, State, Terms
+from ..dynamics.sound import OFF_CONSTRAINT
+
+
+def is_sound(contacts: tuple[Contact, ...], parts: Terms, state: State, mu: Array) -> Array:
+    """bool: all numbers are finite, the coefficients of friction are possible, and every gap is closed and stays so."""
+    numbers = (parts.M, parts.F, parts.G, parts.H, parts.c, parts.slip, parts.gap, parts.gap_rate, state.q, state.v, mu)
+    finite = jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]).all()
+    share = float(jnp.finfo(parts.gap.dtype).eps) ** OFF_CONSTRAINT
+    steep = jnp.sum(jnp.abs(parts.G), axis=0)
+    closed = jnp.abs(parts.gap) <= share * steep * jnp.max(jnp.abs(state.q), initial=0)
+    kept = jnp.abs(parts.gap_rate) <= share * steep * jnp.max(jnp.abs(state.v), initial=0)
+    return finite & jnp.all(closed) & jnp.all(kept)
+
+
+def without_idle_directions(parts: Terms, idle: Array) -> Terms:
+    """The terms with zero sliding directions at `idle` (m,) contacts, where friction does not act: a direction may be
+    undefined there."""
+    return replace(parts, H=jnp.where(idle[None, :], 0, parts.H), slip=jnp.where(idle, 0, parts.slip))
+
+
+def harmless(parts: Terms, sound: Array) -> Terms:
+    """The terms where sound; elsewhere those of free unit masses, so that no NaN enters the arithmetic that follows."""
+    zero = {name: jnp.where(sound, value, 0) for name, value in vars(parts).items()}
+    return replace(parts, **zero | {"M": jnp.where(sound, parts.M, jnp.eye(*parts.M.shape, dtype=parts.M.dtype))})
