@@ -100,6 +100,26 @@ def test_a_mechanism_in_a_file_of_its_own_has_curves_and_atlases(tmp_path):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_file_may_import_its_neighbours(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "drawer_beside.py").write_text(DRAWER.read_text())
+    heavy = (
+        "import jaxcontact as jc\nfrom drawer_beside import Drawer\n\n{}class Heavy(Drawer):\n    mass: float = 50.0\n"
+    )
+    words = ["curve", f"{tmp_path / 'heavy.py'}:Heavy", "--over", "width=0.7:1:3", "--out", str(tmp_path / "a.csv")]
+    (tmp_path / "heavy.py").write_text(heavy.format("@jc.mechanism\n"))
+    assert main(words) == 0
+    (tmp_path / "heavy.py").write_text(heavy.format(""))
+    assert main(words) == 2, "a class of one's own is decorated, also where it inherits"
+
+
+def test_a_bound_that_does_not_fit_the_mechanism_says_so(tmp_path, capsys):
+    assert main([*CURVE, "--bound", "prop13", "--out", str(tmp_path / "a.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "30 without a value" in said
+    assert "prop13 has no value at any point" in said
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -116,6 +136,7 @@ def test_a_mechanism_in_a_file_of_its_own_has_curves_and_atlases(tmp_path):
         ([*CURVE[:2], "--over", "theta=0.1:1:many"], "write name=start:stop:count"),
         ([*CURVE[:2], "--over", "theta=0.1:inf:3"], "must be finite"),
         ([*CURVE[:2], "--over", "theta=0.1:1:0"], "count at least 1"),
+        ([*CURVE[:2], "--over", "theta=0.1:1:1000000000"], "at most 100000000"),
         ([*CURVE, "--over", "theta=0.1:1:3"], "--over is given 2 times: use atlas"),
         (["atlas", *CURVE[1:]], "give --over twice"),
         (["atlas", *CURVE[1:], "--over", "theta=1:2:3"], "--over theta is given twice"),

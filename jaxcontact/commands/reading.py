@@ -15,6 +15,7 @@ from .. import bounds
 from ..dynamics import coordinates_of
 from ..mechanisms import all_mechanisms
 
+MOST_VALUES = 10**8  # in one range; more is a slip of the finger and would fill the memory
 TRUTHS = {"true": True, "yes": True, "false": False, "no": False}
 
 
@@ -49,8 +50,8 @@ def read_range(word: str) -> tuple[str, np.ndarray]:
         equals = ""
     if not (name and equals):
         raise ValueError(f"--over {word!r} is no range: write name=start:stop:count, for example theta=0.05:1.5:400")
-    if not (math.isfinite(start) and math.isfinite(stop)) or count < 1:
-        raise ValueError(f"--over {word!r}: start and stop must be finite and count at least 1")
+    if not (math.isfinite(start) and math.isfinite(stop)) or not 1 <= count <= MOST_VALUES:
+        raise ValueError(f"--over {word!r}: start and stop must be finite and count at least 1, at most {MOST_VALUES}")
     return name, np.linspace(start, stop, count)
 
 
@@ -124,11 +125,12 @@ def _class_of_file(path: Path, name: str) -> type:
 
 
 def _module_of_file(path: Path):
-    """Run a user's file as a module of its own; what goes wrong inside it is reported as it is."""
+    """Run a user's file as a module of its own, which may import its neighbours, as if run by `python file.py`."""
     name = f"jaxcontact_user_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up
+    sys.path.insert(0, str(path.resolve().parent))
     spec.loader.exec_module(module)
     return module
 

@@ -54,6 +54,9 @@ def _run(given: argparse.Namespace, draw: Callable) -> None:
     numbers.attrs["coordinates_set"] = json.dumps(coordinates)
     atlas.save(draw(numbers) if out.suffix.lower() in PICTURES else numbers, out)
     print(_report(out, numbers, seconds))
+    for name, array in numbers.data_vars.items():
+        if np.isnan(array.values).all():
+            print(f"{name} has no value at any point: what it asks of a mechanism is in help(jaxcontact.bounds.{name})")
 
 
 def _axes(cls: type, words: list[str], dtype: str) -> dict[str, np.ndarray]:
@@ -84,7 +87,11 @@ def _is_field(cls: type, name: str) -> bool:
 def _caption(numbers) -> str:
     """What the picture was made with, so that it can be made again."""
     fixed = json.loads(numbers.attrs["parameters"]) | json.loads(numbers.attrs["coordinates_set"])
-    stated = ", ".join(f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}" for name, value in fixed.items() if value is not None)
+    stated = ", ".join(
+        f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+        for name, value in fixed.items()
+        if value is not None
+    )
     return f"{numbers.attrs['mechanism'].rpartition('.')[2]}: {stated}"
 
 
