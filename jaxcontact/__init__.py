@@ -1,6 +1,6 @@
 """Friction bounds, certificates and batched contact solving for mechanisms, in JAX."""
 
-from . import bounds, mechanisms
+from . import bounds, linalg, mechanisms
 from .atlas import sweep
 from .dynamics import (
     Contact,
@@ -25,6 +25,7 @@ __all__ = [
     "bounds",
     "delassus",
     "delassus_from_matrices",
+    "linalg",
     "mechanism",
     "mechanisms",
     "parameter",
