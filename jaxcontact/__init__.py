@@ -1,7 +1,19 @@
 """Friction bounds, certificates and batched contact solving for mechanisms, in JAX."""
 
-from . import bounds, linalg, mechanisms
+from . import atlas, bounds, complementarity, contact, linalg, mechanisms
 from .atlas import sweep
+from .complementarity import (
+    LCP,
+    MLCP,
+    AbsoluteValueEquation,
+    HorizontalLCP,
+    Lemke,
+    ProjectedGaussSeidel,
+    Solution,
+    Status,
+    solve,
+)
+from .contact import ContactForces, Multiplicity, Solutions, classify, contact_forces, solutions
 from .dynamics import (
     Contact,
     Coordinate,
@@ -17,18 +29,36 @@ from .dynamics import (
 )
 
 __all__ = [
+    "LCP",
+    "MLCP",
+    "AbsoluteValueEquation",
     "Contact",
+    "ContactForces",
     "Coordinate",
     "Delassus",
+    "HorizontalLCP",
+    "Lemke",
+    "Multiplicity",
+    "ProjectedGaussSeidel",
+    "Solution",
+    "Solutions",
     "State",
+    "Status",
     "Terms",
+    "atlas",
     "bounds",
+    "classify",
+    "complementarity",
+    "contact",
+    "contact_forces",
     "delassus",
     "delassus_from_matrices",
     "linalg",
     "mechanism",
     "mechanisms",
     "parameter",
+    "solutions",
+    "solve",
     "static",
     "sweep",
     "terms",
