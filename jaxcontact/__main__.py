@@ -22,6 +22,7 @@ EXAMPLES = """examples:
 OVER = "a coordinate or parameter and its range: name=start:stop:count, angles in rad"
 SET = "the value of another coordinate, parameter or choice: name=value; may be repeated"
 MECHANISM = "a name that `jaxcontact list` prints, or path/to/file.py:ClassName"
+BOUND = "one or more of those that `jaxcontact list` prints; default: norm_ratio"
 OUT = "the file to write: .png or .svg (picture), .csv or .nc (numbers)"
 
 
@@ -82,7 +83,7 @@ def _add_sweep(commands, everywhere: argparse.ArgumentParser, name: str, text: s
     command.add_argument("mechanism", help=MECHANISM)
     command.add_argument("--over", action="append", required=True, metavar="NAME=START:STOP:COUNT", help=OVER)
     command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=SET)
-    command.add_argument("--bound", action="extend", nargs="+", metavar="BOUND", help="default: norm_ratio")
+    command.add_argument("--bound", action="extend", nargs="+", metavar="BOUND", help=BOUND)
     command.add_argument("--angles", choices=("deg", "rad"), default="deg", help="how a picture shows angles")
     command.add_argument("--out", required=True, metavar="FILE", help=OUT)
     command.set_defaults(run=run)

@@ -10,8 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray
+from matplotlib.figure import Figure
 
+import jaxcontact as jc
 from jaxcontact.atlas import sweep
+from jaxcontact.mechanisms import PainleveKlein
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,6 +150,8 @@ def test_double_precision_is_never_rounded_silently():
     with jax.enable_x64(False):
         with pytest.raises(ValueError, match=r"jax_enable_x64"):
             quiet({"reach": reach}, Ladder(), theta=np.linspace(0.1, 1, 3))
+        with pytest.raises(ValueError, match=r"jax_enable_x64"):
+            quiet({"reach": reach}, Ladder(), theta=xarray.DataArray([0.1, 0.2]))
         assert quiet({"reach": reach}, Ladder(), theta=[0.1, 0.2]).reach.dtype == np.float32
 
 
@@ -273,7 +279,25 @@ def test_a_sweep_says_nothing_where_there_is_no_terminal(capsys):
 
 
 def test_a_sweep_plots_with_its_labels():
-    figure = pytest.importorskip("matplotlib.figure").Figure()
-    axes = figure.add_subplot()
+    axes = Figure().add_subplot()
     quiet({"reach": reach}, Ladder(), theta=THETA).reach.plot(ax=axes)
     assert axes.get_xlabel() == "inclination [rad]"
+
+
+def test_a_bound_and_its_slope_over_an_angle_and_a_length():
+    def mu_max(guides, theta):
+        return jc.bounds.norm_ratio(jc.delassus(guides, guides.state(theta=theta)))
+
+    theta = np.array([0.3, 0.7, 1.1, 1.4])
+    quantities = {"mu_max": mu_max, "slope": jax.grad(mu_max, argnums=1)}
+    atlas = quiet(quantities, PainleveKlein(), theta=theta, length=np.array([0.5, 1.0, 2.0]))
+    # Proposition 10: 1 / (3 sin cos) up to 54.7 degrees, then cot; whatever the length.
+    steep = theta < np.arccos(1 / np.sqrt(3))
+    bound = np.where(steep, 2 / (3 * np.sin(2 * theta)), 1 / np.tan(theta))
+    slope = np.where(steep, -4 * np.cos(2 * theta) / (3 * np.sin(2 * theta) ** 2), -1 / np.sin(theta) ** 2)
+    # Derived terms, a Cholesky factor and singular values: some roundings, and as many again for the slope.
+    np.testing.assert_allclose(atlas.mu_max, np.broadcast_to(bound[:, None], (4, 3)), rtol=1e-13)
+    np.testing.assert_allclose(atlas.slope, np.broadcast_to(slope[:, None], (4, 3)), rtol=1e-12)
+    axes = Figure().add_subplot()
+    atlas.mu_max.plot(ax=axes, add_colorbar=False)
+    assert " ".join(axes.get_ylabel().split()) == "angle of the rod from the horizontal [rad]"

@@ -130,7 +130,7 @@ def _read_axis(name: str, given: object) -> np.ndarray:
         raise ValueError(f"axis {name!r} must be finite, entry {bad} is {row[bad]}")
     if row.dtype.kind == "f" and row.dtype.itemsize < SHORTEST_FLOAT:
         raise ValueError(f"axis {name!r} is {row.dtype}: use float32 or float64")
-    if not isinstance(given, np.ndarray | jax.Array) and row.dtype.kind == "f":
+    if isinstance(given, list | tuple) and row.dtype.kind == "f":
         return row.astype(jnp.result_type(float))  # python numbers have the default precision, as everywhere in JAX
     if row.dtype.kind == "f" and row.dtype != jax.dtypes.canonicalize_dtype(row.dtype):
         raise ValueError(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import itertools
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
@@ -61,24 +62,41 @@ def sweep(
     arguments = {name: _arguments(name, quantity, mechanism) for name, quantity in quantities.items()}
     grid = read_grid(axes, (name for names in arguments.values() for name in names), mechanism)
     _check_all_given(arguments, quantities, grid)
-    at_point = _at_point({name: (quantities[name], names) for name, names in arguments.items()}, grid)
+    at_point = _at_point({name: _of_point(quantities[name], names, grid) for name, names in arguments.items()}, grid)
     by_name = _run(at_point, _with_dtype(mechanism, grid.dtype), grid, min(chunk_size, max(grid.size, 1)), progress)
     values = {name: by_name[name] for name in quantities}  # JAX sorts the names; the user's order is the dataset's
     return labelled(values, quantities, mechanism, grid)
 
 
-def _at_point(quantities: Mapping[str, tuple[Quantity, tuple[str, ...]]], grid: Grid) -> Callable:
+def _at_point(quantities: Mapping[str, Callable], grid: Grid) -> Callable:
     """All quantities as one function of the mechanism and the coordinates of one point."""
 
     def at_point(mechanism, point):
         changed = {name: point[name] for name in grid.parameters}
         here = dataclasses.replace(mechanism, **changed) if changed else mechanism
-        return {
-            name: _one_array(name, quantity(here, **{key: point[key] for key in names if key in point}))
-            for name, (quantity, names) in quantities.items()
-        }
+        return {name: _one_array(name, quantity(here, point)) for name, quantity in quantities.items()}
 
     return at_point
+
+
+def _of_point(quantity: Quantity, names: tuple[str, ...], grid: Grid) -> Callable:
+    """A quantity as a function of the mechanism and a point, from which it takes its own arguments.
+
+    By position as far as they go, for `jax.grad` counts its `argnums` by position; then by name.
+    """
+    given = [name for name in names if name in grid.axes]
+    signature = inspect.signature(quantity).parameters
+
+    def positional(name):
+        return (
+            name in grid.axes and name in signature and signature[name].kind is inspect.Parameter.POSITIONAL_OR_KEYWORD
+        )
+
+    leading = list(itertools.takewhile(positional, names))
+    others = [name for name in given if name not in leading]
+    return lambda mechanism, point: quantity(
+        mechanism, *(point[name] for name in leading), **{name: point[name] for name in others}
+    )
 
 
 def _run(at_point: Callable, mechanism: object, grid: Grid, chunk: int, progress: bool) -> dict[str, np.ndarray]:

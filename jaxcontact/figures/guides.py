@@ -15,6 +15,7 @@ POINTS = 401  # along a curve
 PLANE_POINTS = 61  # along each coefficient; the boundaries are interpolated
 CORNER = np.array([0.999, 1.001])  # points this close to the corner of the square, lest interpolation cut it off
 PLANE_END = 3.0  # greatest coefficient of friction in the plane
+TOP, HIGH_TOP = 3.0, 12.0  # greatest friction drawn, for the rigid and for the telescoping rod
 PLANE_ANGLE = np.pi / 4  # cot = 1 there: the triangle ends at 2, the square at 2/3
 OPEN_RIGHT_ANGLE = np.linspace(0.0, np.pi / 2, POINTS)[1:-1]  # rad; at both ends friction does nothing or everything
 
@@ -71,7 +72,7 @@ def figure_4b() -> tuple[xarray.Dataset, Figure]:
         "Figure 4(b), corrected. Two rough guides of equal friction: bound min(1/(3 sin θ cos θ), cot θ), exact cot θ. "
         "The printed text compares the bound with 2 cot θ, which is the limit for existence only (errata B1, B14)."
     )
-    return numbers, draw_curve(numbers, caption=caption, upper=3.0)
+    return numbers, draw_curve(numbers, caption=caption, upper=TOP)
 
 
 def figure_5a() -> tuple[xarray.Dataset, Figure]:
@@ -84,7 +85,7 @@ def figure_5a() -> tuple[xarray.Dataset, Figure]:
         "μ₁ + μ₂ < (6d² + 9dl + 4l² + p cos 2θ)/(|p| sin θ cos θ), p = l(3d + 2l), for μ₁ = μ₂. "
         "At d = −1.2 l, where the tips have changed places, bound and exact value agree."
     )
-    return numbers, draw_curve(numbers, caption=caption, upper=12.0)
+    return numbers, draw_curve(numbers, caption=caption, upper=HIGH_TOP)
 
 
 def figure_5b() -> tuple[xarray.Dataset, Figure]:
@@ -105,7 +106,7 @@ def figure_5b() -> tuple[xarray.Dataset, Figure]:
         "the normal forces and the bound is infinite; to the left of it the bound is exact (erratum B14). The printed "
         "exact condition (erratum A17) would be a horizontal line."
     )
-    return numbers, draw_curve(numbers, caption=caption, upper=12.0)
+    return numbers, draw_curve(numbers, caption=caption, upper=HIGH_TOP)
 
 
 def figure_6a() -> tuple[xarray.Dataset, Figure]:
@@ -115,7 +116,7 @@ def figure_6a() -> tuple[xarray.Dataset, Figure]:
         "Figure 6(a), corrected. Articulated rod, straight (θ₂ = θ₁): bound = exact = cot θ₁, so the bound is not "
         "conservative here (erratum B14). The matrices are those of q = (x, y, θ₁, θ₂) (erratum A18)."
     )
-    return numbers, draw_curve(numbers, caption=caption, upper=3.0)
+    return numbers, draw_curve(numbers, caption=caption, upper=TOP)
 
 
 def figure_6b() -> tuple[xarray.Dataset, Figure]:
