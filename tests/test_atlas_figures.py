@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import xarray
 
-from jaxcontact.figures import FIGURES, FORMATS, write_figures
+from jaxcontact.__main__ import main
+from jaxcontact.figures import FIGURES, FORMATS
 
 # The bounds come from derived terms through a Cholesky factor and singular values, the closed forms from few roundings.
 # Towards the ends of the angle's range sine or cosine is 4e-3, and its rounding is magnified by as much.
@@ -110,11 +111,20 @@ def test_every_caption_names_the_erratum_it_corrects(drawn):
         assert "rrat" in caption, name
 
 
-def test_the_figures_are_written_with_their_numbers_beside_them(drawn, tmp_path, monkeypatch):
+def test_figures_in_single_precision_are_refused_before_anything_is_written(tmp_path, capsys):
+    assert main(["figures", "--dtype", "float32", "--out", str(tmp_path)]) == 2
+    assert "need 64-bit floats" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_figures_are_written_with_their_numbers_beside_them(drawn, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(FIGURES, "figure_4b", lambda: drawn["figure_4b"])
     for other in [name for name in FIGURES if name != "figure_4b"]:
         monkeypatch.delitem(FIGURES, other)
-    written = list(write_figures(tmp_path / "out"))
-    assert {path.name for path in written} == {f"figure_4b{suffix}" for suffix in (".csv", *FORMATS)}
+    assert main(["figures", "--out", str(tmp_path / "out")]) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        f"figure_4b{suffix}" for suffix in (".csv", *FORMATS)
+    }
+    assert "3 files in" in capsys.readouterr().out
     table = np.genfromtxt(tmp_path / "out" / "figure_4b.csv", delimiter=",", names=True)
     xarray.testing.assert_equal(xarray.DataArray(table["bound"]), xarray.DataArray(drawn["figure_4b"][0].bound.values))
