@@ -3,5 +3,17 @@
 from .forces import ContactForces, contact_forces
 from .residuals import Residuals
 from .sliding import Sliding, normal_forces, sliding
+from .solutions import Multiplicity, Solutions, classify, solutions
 
-__all__ = ["ContactForces", "Residuals", "Sliding", "contact_forces", "normal_forces", "sliding"]
+__all__ = [
+    "ContactForces",
+    "Multiplicity",
+    "Residuals",
+    "Sliding",
+    "Solutions",
+    "classify",
+    "contact_forces",
+    "normal_forces",
+    "sliding",
+    "solutions",
+]

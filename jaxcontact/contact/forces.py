@@ -11,13 +11,12 @@ from jax import Array, lax
 from .. import linalg
 from ..complementarity import Direct, Lemke, Solution, Status, solve
 from ..dynamics import Contact, Delassus, State, terms
-from ..dynamics.delassus import select, select_columns
 from ..dynamics.numbers import is_concrete
 from ..dynamics.sound import refuse_unsound
 from .law import coefficients, sticks
 from .mass import constrained_mass
 from .residuals import Motion, Residuals, residuals
-from .sliding import Sliding, normal_forces, sliding, sort_contacts
+from .sliding import Sliding, contradiction, length_of, normal_forces, sliding, sort_contacts, with_sign
 from .soundness import harmless, is_sound, without_idle_directions
 from .span import dependence
 from .whitening import whitened
@@ -91,9 +90,9 @@ def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method
     method = _cheapest(mechanism.contacts) if method is None else method
     if not is_concrete((mechanism, state, mu)):
         return _forces(mechanism, state, mu, method)[0]
-    forces, operators = _forces(mechanism, state, mu, method)
-    if int(forces.status) == Status.BAD_INPUT:
-        refuse_unsound(mechanism, state, operators, _energy_at_rest(mechanism, state))
+    forces, (operators, energy_at_rest) = _forces(mechanism, state, mu, method)
+    if int(forces.status) == Status.BAD_INPUT or float(energy_at_rest) != 0:
+        refuse_unsound(mechanism, state, operators, energy_at_rest)
         raise ValueError(f"{type(mechanism).__name__}: the numbers at this state overflow; choose other units")
     return forces
 
@@ -104,8 +103,8 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
 
 
 @partial(jax.jit, static_argnames=("method",), inline=True)
-def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[ContactForces, Delassus]:
-    """The forces, and the operators for the door. Derivatives pass through lanes with sound input only."""
+def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[ContactForces, Any]:
+    """The forces, and what the door looks at. Derivatives pass through lanes with sound input only."""
     contacts = mechanism.contacts
     seen, stuck, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
     clear = sound & ~jnp.any(stuck)
@@ -119,7 +118,8 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[Conta
     normal, a = _accelerated(operators, friction, found, solution)
     reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = jnp.where(clear, _status(operators, found, solution), reason)
-    return _judged(parts, operators, friction, found, solution, normal, a, status), seen
+    forces = _judged(parts, operators, friction, found, solution, normal, a, status)
+    return forces, (seen, _energy_at_rest(mechanism, state))
 
 
 def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Delassus, Array, Array]:
@@ -131,7 +131,7 @@ def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Delassus, Array
     heavy, massive = constrained_mass(parts, contacts)
     sound = is_sound(contacts, parts, state, mu) & massive
     operators = whitened(heavy, contacts)
-    return replace(operators, L=jnp.where(massive, operators.L, jnp.nan)), stuck, sound
+    return replace(operators, L=jnp.where(massive, operators.L, jnp.nan), terms=parts), stuck, sound
 
 
 def _differentiable_where(clear: Array, tree: Any) -> Any:
@@ -141,19 +141,12 @@ def _differentiable_where(clear: Array, tree: Any) -> Any:
 
 def _accelerated(operators: Delassus, friction: Array, found: Sliding, solution: Solution | None):
     """Normal forces (m,) and accelerations (n,): L^T a = N lambda - D |lambda| - L^-1 F."""
-    normal = normal_forces(operators, friction, found, _remaining(operators.contacts, solution, friction))
+    none = solution is None
+    remaining = friction[:0] if none else with_sign(operators.contacts, solution.z, solution.w)
+    normal = normal_forces(operators, friction, found, remaining)
     pushes = operators.N * normal[None, :] - operators.T * (friction * jnp.abs(normal))[None, :]
     alpha = jnp.sum(pushes, axis=1) - linalg.solve_lower(operators.L, operators.terms.F)
     return normal, linalg.solve_lower_transposed(operators.L, alpha)
-
-
-def _remaining(contacts: tuple[Contact, ...], solution: Solution | None, like: Array) -> Array:
-    """(r,) forces of the contacts the problem is about; lambda+ - lambda- of signed ones."""
-    if solution is None:
-        return like[:0]
-    kinds = sort_contacts(contacts)
-    signed = jnp.arange(len(kinds.rest)) < len(kinds.signed)
-    return jnp.where(signed, solution.z - solution.w, solution.z) if kinds.signed else solution.z
 
 
 def _status(operators: Delassus, found: Sliding, solution: Solution | None) -> Array:
@@ -162,19 +155,7 @@ def _status(operators: Delassus, found: Sliding, solution: Solution | None) -> A
     answered = True if solution is None else solution.answered
     dependent = found.span.deficient | (False if solution is None else solution.redundant)
     status = jnp.where(answered & dependent, int(Status.REDUNDANT), status)
-    return jnp.where(_contradiction(operators, found), int(Status.INFEASIBLE), status)
-
-
-def _contradiction(operators: Delassus, found: Sliding) -> Array:
-    """bool: y = w_e - N_e^T (N_e^+)^T w_e proves that no acceleration satisfies the linear constraints: G_e y = 0 yet
-    y^T w_e > 0, beyond the rounding of these products."""
-    linear = sort_contacts(operators.contacts).linear
-    N, w = select_columns(operators.N, linear), select(operators.w, linear)
-    y = w - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, w))
-    noise = dependence(sum(N.shape), N.dtype)
-    combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
-    proved = jnp.all(combined <= noise * jnp.max(size, initial=0))
-    return found.span.deficient & proved & (jnp.sum(y * w) > noise * jnp.sum(w * w))
+    return jnp.where(contradiction(operators, found), int(Status.INFEASIBLE), status)
 
 
 def _judged(parts, operators, friction, found, solution, normal, a, status) -> ContactForces:
@@ -204,14 +185,9 @@ def _judged(parts, operators, friction, found, solution, normal, a, status) -> C
 
 
 def _motion(operators: Delassus, friction: Array, normal: Array, a: Array) -> Motion:
-    lengths = _length(operators.N)
-    load = _length(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
+    lengths = length_of(operators.N)
+    load = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
     return Motion(a, normal, -friction * jnp.abs(normal), friction, lengths, load)
-
-
-def _length(columns: Array) -> Array:
-    """(k,) lengths of columns (n, k); it is not differentiated."""
-    return jnp.sqrt(jnp.sum(lax.stop_gradient(columns) ** 2, axis=0))
 
 
 def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
@@ -233,8 +209,8 @@ def _certified(found: Sliding) -> Array:
     return (least > noise * greatest) & (least**2 * (1 - noise) > pulled) & ~found.span.deficient
 
 
-@jax.jit
 def _energy_at_rest(mechanism: Any, state: State) -> Array:
+    """J; a kinetic energy that is not zero at rest is misuse."""
     if hasattr(mechanism, "mass_matrix"):
         return jnp.zeros((), state.q.dtype)
     return mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))

@@ -25,6 +25,9 @@ from ..dynamics import Contact, Delassus
 from ..dynamics.delassus import select, select_columns
 from .span import Span, dependence, inside, off_span, span_of
 
+ROUNDING = 2
+"""w = c - N^T L^-1 F has lost all digits where it is below ROUNDING n eps of its terms."""
+
 
 class Sorted(NamedTuple):
     """Contacts by the part they play; static."""
@@ -75,7 +78,8 @@ def sliding(operators: Delassus, friction: Array) -> Sliding:
     span = span_of(N_linear)
     reduced, D = off_span(span, N), off_span(span, D)
     w = select(operators.w, kinds.rest) - linalg.gram(N, _load(span, operators, kinds))
-    w = jnp.where(_is_rounding(span, reduced, N, w, operators, kinds), 0, w)
+    # Rounding counts as zero, its derivative stays: at zero force and zero acceleration the answer has a kink.
+    w = w - lax.stop_gradient(jnp.where(_is_rounding(span, reduced, N, w, operators, kinds), w, 0))
     return Sliding(_problem(kinds, reduced, D, w), reduced, D, span)
 
 
@@ -90,27 +94,50 @@ def normal_forces(operators: Delassus, friction: Array, found: Sliding, remainin
     return jnp.stack([forces[i] for i in range(len(forces))]) if forces else operators.w
 
 
+def with_sign(contacts: tuple[Contact, ...], z: Array, w: Array) -> Array:
+    """(r,) forces from a complementary pair: lambda+ - lambda- where bilateral, z where unilateral."""
+    kinds = sort_contacts(contacts)
+    signed = jnp.arange(len(kinds.rest)) < len(kinds.signed)
+    return jnp.where(signed, z - w, z) if kinds.signed else z
+
+
+def contradiction(operators: Delassus, found: Sliding) -> Array:
+    """bool: y = w_e - N_e^T (N_e^+)^T w_e proves that no acceleration satisfies the linear constraints: G_e y = 0 yet
+    y^T w_e > 0, beyond the rounding of these products."""
+    linear = sort_contacts(operators.contacts).linear
+    N, w = select_columns(operators.N, linear), select(operators.w, linear)
+    y = w - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, w))
+    noise = dependence(sum(N.shape), N.dtype)
+    combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
+    proved = jnp.all(combined <= noise * jnp.max(size, initial=0))
+    return found.span.deficient & proved & (jnp.sum(y * w) > noise * jnp.sum(w * w))
+
+
 def _load(span: Span, operators: Delassus, kinds: Sorted) -> Array:
     """(n,) (N_e^+)^T w_e: the linear contacts' share of the free acceleration, whitened."""
     return linalg.gram(span.pseudo_inverse, select(operators.w, kinds.linear))
 
 
 def _is_rounding(span: Span, reduced: Array, N: Array, w: Array, operators: Delassus, kinds: Sorted) -> Array:
-    """(r,) bool: contacts that depend on the linear ones, within the noise that counts as dependence, and whose free
-    acceleration may stem from that noise in their gradients."""
-    lengths = jnp.sqrt(jnp.sum(lax.stop_gradient(N) ** 2, axis=0))
-    load = jnp.sum(jnp.abs(_load(span, operators, kinds)))
-    noise = dependence(N.shape[0], N.dtype)
-    return inside(reduced, N) & (jnp.abs(w) <= noise * (lengths * load + select(_size_of_w(operators), kinds.rest)))
+    """(r,) bool: free accelerations that are the rounding of their terms; where a contact depends on the linear ones,
+    also those that stem from the noise in its gradient that counts as dependence."""
+    load = length_of(_load(span, operators, kinds)[:, None])[0]
+    size = length_of(N) * load + select(_size_of_w(operators), kinds.rest)
+    rounding = ROUNDING * N.shape[0] * float(jnp.finfo(N.dtype).eps)
+    return jnp.abs(w) <= jnp.where(inside(reduced, N), dependence(N.shape[0], N.dtype), rounding) * size
 
 
 def _size_of_w(operators: Delassus) -> Array:
     """(m,) |c| + |N| |L^-1 F|, whose difference is w; |w| itself where they are not known."""
     if operators.terms is None or operators.L is None:
         return jnp.abs(operators.w)
-    free = jnp.sum(jnp.abs(linalg.solve_lower(operators.L, operators.terms.F)))
-    lengths = jnp.sqrt(jnp.sum(lax.stop_gradient(operators.N) ** 2, axis=0))
-    return jnp.abs(operators.terms.c) + lengths * free
+    free = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
+    return jnp.abs(operators.terms.c) + length_of(operators.N) * free
+
+
+def length_of(columns: Array) -> Array:
+    """(k,) lengths of columns (n, k), to compare with; not differentiated."""
+    return jnp.sqrt(jnp.sum(lax.stop_gradient(columns) ** 2, axis=0))
 
 
 def _problem(kinds: Sorted, N: Array, D: Array, w: Array):
