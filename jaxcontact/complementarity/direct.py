@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.gauss_seidel import hopeless_row
-from jaxcontact.complementarity.judge import BACKWARD_ERROR_BOUND
+from jaxcontact.complementarity.judge import backward_error_bound
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import scaled
@@ -68,7 +68,7 @@ class Direct:
 
     def read(self, problem: LCP, state: Best):
         """The best candidate."""
-        found = state.violation <= BACKWARD_ERROR_BOUND * jnp.finfo(problem.q.dtype).eps
+        found = state.violation <= backward_error_bound(problem.q.dtype)
         outcome = jnp.where(found, int(Status.SOLVED), int(Status.NO_SOLUTION)).astype(jnp.int32)
         return Answer(state.z, outcome, hopeless_row(problem))
 

@@ -15,7 +15,7 @@ from jax import lax
 from jaxcontact.complementarity.derivative import attach
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
 from jaxcontact.complementarity.inverse import analysed_inverse, dot, first
-from jaxcontact.complementarity.judge import BACKWARD_ERROR_BOUND, acceptable, pair_scales, residuals, slack
+from jaxcontact.complementarity.judge import acceptable, pair_scales, residuals, slack
 from jaxcontact.complementarity.records import record
 
 LARGEST = 10
@@ -118,7 +118,7 @@ def _solved_mode(problem, form, mode):
     free, z, w = x[:k], jnp.where(mode, size, 0), jnp.where(mode, 0, size)
     eps = jnp.finfo(x.dtype).eps
     terms = jnp.max(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
-    inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= BACKWARD_ERROR_BOUND * (k + m) * eps * terms
+    inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
     holds = inside & acceptable(*residuals(problem, form, free, z, w), x.dtype)
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
     doubt = (found.deficiency > 1) & ~holds & consistent

@@ -14,13 +14,13 @@ from jax import lax
 
 from jaxcontact.complementarity.forms import normal_form
 from jaxcontact.complementarity.inverse import dot
-from jaxcontact.complementarity.judge import BACKWARD_ERROR_BOUND, residuals
+from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.status import Status
 
-MARGIN = 0.25
-"""Without a tolerance, sweeps stop at MARGIN times the backward error that the judge accepts."""
+STOP_AT = 4
+"""Without a tolerance, the iteration stops at a backward error of STOP_AT eps, well inside what the judge accepts."""
 
 UNROLLED_ROWS = 8
 """Up to this size one sweep is unrolled over its rows."""
@@ -96,7 +96,7 @@ class ProjectedGaussSeidel:
 
     def _measured(self, problem, z):
         error = residuals(problem, normal_form(problem), z[:0], z, z)[0]
-        target = MARGIN * BACKWARD_ERROR_BOUND * jnp.finfo(z.dtype).eps if self.tolerance is None else self.tolerance
+        target = STOP_AT * jnp.finfo(z.dtype).eps if self.tolerance is None else self.tolerance
         return Iterate(z, error, (error <= target) | ~jnp.isfinite(error))
 
 

@@ -12,7 +12,7 @@ from jax import lax
 
 from jaxcontact.complementarity.scaling import exponent, power_of_two
 
-PIVOT_FLOOR = 64
+PIVOT_FLOOR = 16
 """A pivot below PIVOT_FLOOR * n * eps of the largest balanced entry is rounding, and ends the elimination."""
 
 UNROLLED = 4
@@ -76,7 +76,7 @@ def _gauss_jordan(B):
     floor = PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * jnp.max(jnp.abs(B))
     free = jnp.ones(n, bool)
     carry = (B, free, free, jnp.zeros((n, n), B.dtype))
-    T, _, _, pairing = repeated(n, lambda c: _sweep(c, floor), carry)
+    T, _, _, pairing = counted(n, lambda _, c: _sweep(c, floor), carry)
     return dot(pairing.T, dot(T, pairing.T)), jnp.sum(pairing).astype(jnp.int32)
 
 
@@ -101,12 +101,12 @@ def _sweep(carry, floor):
     return jnp.where(go, exchanged, T), *kept, paired
 
 
-def repeated(times, advance, carry):
-    """`advance` applied a fixed number of times."""
+def counted(times, advance, carry):
+    """carry after `advance(i, carry)` for i = 0 ... times - 1, unrolled where that is short."""
     if times > UNROLLED:
-        return lax.fori_loop(0, times, lambda _, c: advance(c), carry)
-    for _ in range(times):
-        carry = advance(carry)
+        return lax.fori_loop(0, times, advance, carry)
+    for i in range(times):
+        carry = advance(i, carry)
     return carry
 
 

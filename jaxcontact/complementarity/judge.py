@@ -16,13 +16,14 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
-from jaxcontact.complementarity.inverse import analysed_inverse, dot
+from jaxcontact.complementarity.inverse import analysed_inverse, counted, dot
 from jaxcontact.complementarity.problems import LCP, MLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
 from jaxcontact.complementarity.status import Status
+from jaxcontact.linalg import two_product, two_sum
 
-BACKWARD_ERROR_BOUND = 16
-"""SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 3.6e-15 in float64, 1.9e-6 in float32."""
+BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
+"""SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
 
 DIGITS_KEPT = 0.25
 """SOLVED requires rho <= eps^DIGITS_KEPT, since rho is about eps times the condition of the active equations:
@@ -32,7 +33,7 @@ DEGENERACY_BOUND = 64
 """z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
 
 CERTIFICATE_BOUND = 8
-"""A certificate must exclude every point smaller than 1 / (CERTIFICATE_BOUND n eps) times |q| / |P|."""
+"""Sign errors of a certificate, relative to its load, may be CERTIFICATE_BOUND times the rounding of the products."""
 
 CONDITION_BOUND = 1 / 64
 """A condition number above CONDITION_BOUND / eps makes the active equations dependent up to rounding."""
@@ -79,7 +80,8 @@ def judge(problem, claim):
     eta, rho = residuals(problem, form, claim.free, claim.z, claim.w)
     active, degenerate = classify(problem, form, claim.z, w)
     tight = analysed_inverse(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
-    condition = analysed_inverse(mode_matrix(form, active.astype(form.q.dtype))).condition
+    held = analysed_inverse(mode_matrix(form, active.astype(form.q.dtype)))
+    condition = jnp.where(held.deficiency > 0, jnp.inf, held.condition)
     eps = jnp.finfo(form.q.dtype).eps
     dependent = (tight.deficiency > 0) | ~(tight.condition <= CONDITION_BOUND / eps)
     return Verdict(
@@ -110,7 +112,7 @@ def _status(problem, form, claim, w, eta, rho):
     finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
     whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
     claims = (claim.outcome == int(Status.SOLVED)) | (claim.outcome == int(Status.REDUNDANT))
-    small = eta <= BACKWARD_ERROR_BOUND * eps
+    small = eta <= backward_error_bound(form.q.dtype)
     solved = acceptable(eta, rho, form.q.dtype)
     proved = infeasible(problem, form, claim.certificate)
     shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
@@ -121,32 +123,51 @@ def _status(problem, form, claim, w, eta, rho):
     return jnp.where(finite & (whole | ~claims), status, int(Status.BAD_INPUT)).astype(jnp.int32)
 
 
+def backward_error_bound(dtype):
+    """The largest eta that SOLVED allows in a dtype."""
+    return BACKWARD_ERROR_BOUND[jnp.dtype(dtype).name] * jnp.finfo(dtype).eps
+
+
 def acceptable(eta, rho, dtype):
     """bool: residuals small enough for SOLVED; NaN is not."""
-    eps = jnp.finfo(dtype).eps
-    return (eta <= BACKWARD_ERROR_BOUND * eps) & (rho <= eps**DIGITS_KEPT)
+    return (eta <= backward_error_bound(dtype)) & (rho <= jnp.finfo(dtype).eps ** DIGITS_KEPT)
 
 
 def infeasible(problem, form, y):
-    """bool: y proves that no u and no z, w >= 0 of reasonable size satisfy F u + P z - N w + q = 0.
+    """bool: y proves that no u and no z, w >= 0 satisfy F u + P z - N w + q = 0.
 
-    Farkas: y'F = 0, y'P >= 0, y'N <= 0, y'q > 0 contradict the equations times y. In floating point the signs hold up
-    to errors e_j; then a feasible point needs sum_j e_j z_j >= y'q, so it is larger than y'q / max_j e_j. That bound is
-    what is tested, rounding of the products included, in balanced units with |q| / |P| as unit of z.
+    Farkas: y'F = 0, y'P >= 0, y'N <= 0, y'q > 0 contradict the equations times y. The products are accumulated in twice
+    the working precision, and signs are read up to the error e of that: a feasible point would need
+    sum_j e_j z_j >= y'q, so be larger than about 1 / eps^2. Dependent equations are never consistent to that degree, so
+    with free unknowns e is the rounding of the data, and what is excluded are points larger than about 1 / eps.
     """
     n, eps = y.shape[0], jnp.finfo(y.dtype).eps
+    rounding = n * eps if form.F.shape[1] else (n * eps) ** 2
     scale_z, scale_w = pair_scales(problem, form)
 
     def error(A, scale, sign):
-        wrong = jnp.abs(dot(y, A)) if sign == 0 else jnp.maximum(-sign * dot(y, A), 0)
-        exact = dot(jnp.abs(y), jnp.abs(A))
-        return _largest((wrong + n * eps * exact) / scale) / _above_zero(_largest(jnp.abs(A) / scale[None, :]))
+        product, terms = accurate_product(y, A), dot(jnp.abs(y), jnp.abs(A))
+        wrong = jnp.abs(product) if sign == 0 else jnp.maximum(-sign * product, 0)
+        return _largest((wrong + rounding * terms) / scale) / _above_zero(_largest(jnp.abs(A) / scale[None, :]))
 
     free = error(form.F, jnp.ones(form.F.shape[1], y.dtype), 0)
     signs = jnp.maximum(error(form.P, scale_z, 1), error(form.N, scale_w, -1))
     load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
-    allowed = CERTIFICATE_BOUND * n * eps * load / _above_zero(_largest(form.q))
+    allowed = CERTIFICATE_BOUND * rounding * load / _above_zero(_largest(form.q))
     return (load > 0) & (free <= allowed) & (signs <= allowed)
+
+
+def accurate_product(y, A):
+    """y'A with the error of twice the working precision (Ogita, Rump and Oishi 2005, Dot2); (n,), (n, k) -> (k,)."""
+    product, lost = two_product(*jnp.broadcast_arrays(y[:, None], A))
+
+    def add(i, carry):
+        total, error = carry
+        total, missed = two_sum(total, product[i])
+        return total, error + (lost[i] + missed)
+
+    zero = jnp.zeros(A.shape[1], A.dtype)
+    return sum(counted(y.shape[0], add, (zero, zero)))
 
 
 def slack(problem, form, free, z, w):

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix
-from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, balanced, dot, first, repeated
+from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, balanced, counted, dot, first
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.records import unchecked
 
@@ -68,8 +68,8 @@ def _regular_mode(form):
     own_rows = jnp.where(of_free[None, :], jnp.where(rows < k, 1, RELUCTANCE)[:, None], 0).astype(T.dtype)
     own_w = jnp.broadcast_to(jnp.where(of_free, 0, jnp.where(of_P, RELUCTANCE, 1))[None, :], T.shape).astype(T.dtype)
     carry = (T, jnp.ones(k + m, bool), jnp.ones(k + 2 * m, bool), jnp.zeros(k + 2 * m, bool))
-    carry = repeated(k, lambda c: _eliminate(c, own_rows, k), carry)
-    carry = repeated(m, lambda c: _eliminate(c, own_w, k), carry)
+    carry = counted(k, lambda _, c: _eliminate(c, own_rows, k), carry)
+    carry = counted(m, lambda _, c: _eliminate(c, own_w, k), carry)
     return carry[3][k + m :]
 
 
