@@ -97,7 +97,7 @@ def brute_force(contacts, scene, mu):
 
 
 def gauss_projection(contacts, scene):
-    """The acceleration of least constraint: min (a + M^-1 F)^T M (a + M^-1 F) with G_b^T a + c_b = 0, G_u^T a + c_u >= 0.
+    """The acceleration of least constraint: min |a + M^-1 F|_M with G_b^T a + c_b = 0 and G_u^T a + c_u >= 0.
 
     (16), (28), (29): equality-constrained least squares on every set of active constraints; the best feasible one is
     the minimum, the problem being strictly convex.

@@ -102,15 +102,16 @@ def with_sign(contacts: tuple[Contact, ...], z: Array, w: Array) -> Array:
 
 
 def contradiction(operators: Delassus, found: Sliding) -> Array:
-    """bool: y = w_e - N_e^T (N_e^+)^T w_e proves that no acceleration satisfies the linear constraints: G_e y = 0 yet
-    y^T w_e > 0, beyond the rounding of these products."""
-    linear = sort_contacts(operators.contacts).linear
-    N, w = select_columns(operators.N, linear), select(operators.w, linear)
-    y = w - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, w))
+    """bool: y = w_e - N_e^T x, x = (N_e^+)^T w_e, proves that no acceleration satisfies the linear constraints: G_e y = 0
+    yet w_e^T y = |y|^2 + x^T N_e y > 0, beyond the rounding of N_e y."""
+    kinds = sort_contacts(operators.contacts)
+    N, w = select_columns(operators.N, kinds.linear), select(operators.w, kinds.linear)
+    x = _load(found.span, operators, kinds)
+    y = w - linalg.gram(N, x)
     noise = dependence(sum(N.shape), N.dtype)
     combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
     proved = jnp.all(combined <= noise * jnp.max(size, initial=0))
-    return found.span.deficient & proved & (jnp.sum(y * w) > noise * jnp.sum(w * w))
+    return found.span.deficient & proved & (jnp.sum(y * y) > noise * jnp.sum(jnp.abs(x) * jnp.max(size, initial=0)))
 
 
 def _load(span: Span, operators: Delassus, kinds: Sorted) -> Array:
