@@ -102,12 +102,13 @@ def with_sign(contacts: tuple[Contact, ...], z: Array, w: Array) -> Array:
 
 
 def contradiction(operators: Delassus, found: Sliding) -> Array:
-    """bool: y = w_e - N_e^T x, x = (N_e^+)^T w_e, proves that no acceleration satisfies the linear constraints: G_e y = 0
-    yet w_e^T y = |y|^2 + x^T N_e y > 0, beyond the rounding of N_e y."""
+    """bool: y = w_e - N_e^T x, x = (N_e^+)^T w_e, proves that no acceleration satisfies the linear constraints, as
+    G_e y = 0 yet w_e^T y = |y|^2 + x^T N_e y > 0, beyond the rounding of N_e y."""
     kinds = sort_contacts(operators.contacts)
     N, w = select_columns(operators.N, kinds.linear), select(operators.w, kinds.linear)
     x = _load(found.span, operators, kinds)
     y = w - linalg.gram(N, x)
+    y = y - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, y))  # what rounding left along N_e
     noise = dependence(sum(N.shape), N.dtype)
     combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
     proved = jnp.all(combined <= noise * jnp.max(size, initial=0))
