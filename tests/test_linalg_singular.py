@@ -64,7 +64,7 @@ def test_beyond_the_smallest_values_are_right_to_the_condition(shape, dtype):
     conditions = [1.0, 1e5, 1e10] if dtype == np.float64 else [1.0, 1e3, 1e5]
     rng = random_for(shape, dtype.__name__)
     X = np.stack([with_condition(rng, *shape, c, dtype) for c in conditions for _ in range(5)])
-    # Compiled once as a whole; in the other precision operation by operation, which takes a tenth of the time.
+    # Compiled once as a whole; in the other precision operation by operation, which is quicker.
     mapped = jax.vmap(extremes)
     top, bottom = (jax.jit(mapped) if dtype == np.float64 else mapped)(X)
     eps = np.finfo(dtype).eps
