@@ -15,7 +15,7 @@ from jaxcontact.complementarity.scaling import exponent, power_of_two
 PIVOT_FLOOR = 16
 """A pivot below PIVOT_FLOOR * n * eps of the largest balanced entry is rounding, and ends the elimination."""
 
-UNROLLED = 4
+UNROLLED = 2
 """Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop compiles faster."""
 
 

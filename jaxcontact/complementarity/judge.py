@@ -80,10 +80,7 @@ def judge(problem, claim):
     eta, rho = residuals(problem, form, claim.free, claim.z, claim.w)
     active, degenerate = classify(problem, form, claim.z, w)
     tight = analysed_inverse(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
-    held = analysed_inverse(mode_matrix(form, active.astype(form.q.dtype)))
-    condition = jnp.where(held.deficiency > 0, jnp.inf, held.condition)
-    eps = jnp.finfo(form.q.dtype).eps
-    dependent = (tight.deficiency > 0) | ~(tight.condition <= CONDITION_BOUND / eps)
+    condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
     return Verdict(
         free=claim.free,
         z=claim.z,
@@ -93,7 +90,7 @@ def judge(problem, claim):
         backward_error=eta,
         active=active,
         degenerate=jnp.sum(degenerate).astype(jnp.int32),
-        redundant=dependent,
+        redundant=~(condition <= CONDITION_BOUND / jnp.finfo(form.q.dtype).eps),
         condition=condition,
     )
 
@@ -108,7 +105,6 @@ def _status(problem, form, claim, w, eta, rho):
     eta small                                                  ILL_CONDITIONED
     otherwise                                                  INACCURATE
     """
-    eps = jnp.finfo(form.q.dtype).eps
     finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
     whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
     claims = (claim.outcome == int(Status.SOLVED)) | (claim.outcome == int(Status.REDUNDANT))

@@ -37,7 +37,7 @@ class Solution:
     redundant: jax.Array
     """bool: the rows of the active and degenerate contacts depend on one another, so z is one of several."""
     condition: jax.Array
-    """condition number of the active equations, balanced, largest-row-sum norm."""
+    """condition number of the active and degenerate equations, balanced, largest-row-sum norm; inf if dependent."""
     attempt: jax.Array
     """(m,) the proposed z, whatever the status."""
     start_used: jax.Array
