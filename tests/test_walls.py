@@ -14,7 +14,7 @@ MAY_IMPORT = {
     "contact": {"linalg", "dynamics", "complementarity", "bounds"},
     "bounds": {"linalg", "dynamics"},
     "mechanisms": {"dynamics"},
-    "atlas": set(),
+    "atlas": {"linalg"},
     "figures": {"linalg", "dynamics", "complementarity", "contact", "bounds", "mechanisms", "atlas"},
     "commands": {"linalg", "dynamics", "complementarity", "contact", "bounds", "mechanisms", "atlas", "figures"},
 }

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..linalg import fused
 from .grid import Grid, argument_names, read_grid
 from .labels import labelled
 
@@ -122,7 +123,8 @@ def _compiled(at_point: Callable, mechanism: object, axes: dict, grid: Grid, chu
     def of_chunk(mechanism, axes, first):
         # The last chunk is padded with its last point, which is harmless: its values are computed anyway.
         numbers = jnp.minimum(first + jnp.arange(chunk, dtype=jnp.int32), jnp.int32(grid.size - 1))
-        return jax.vmap(lambda number: at_point(mechanism, grid.point(axes, number)))(numbers)
+        points = jax.vmap(lambda number: grid.point(axes, number))(numbers)
+        return jax.vmap(lambda point: fused(at_point, final=True)(mechanism, point))(points)
 
     lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once; tracing is half of the wait
     program = lowered.compile()

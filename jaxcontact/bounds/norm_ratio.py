@@ -55,7 +55,7 @@ def safe_ratio(top: Array, bottom: Array) -> Array:
     """top / bottom for top, bottom >= 0: inf where only bottom is zero, 0 where top is zero, NaN of either passed
     on."""
     quotient = top / jnp.where(bottom == 0, 1.0, bottom)
-    return jnp.where(top == 0, 0.0 * bottom, jnp.where(bottom == 0, jnp.inf + 0.0 * top, quotient))
+    return jnp.where(bottom == 0, jnp.where(top > 0, jnp.inf, top), quotient)
 
 
 def scaled_tangents(operators: Delassus, ratio: Array) -> Array:
@@ -65,6 +65,7 @@ def scaled_tangents(operators: Delassus, ratio: Array) -> Array:
 
 
 @partial(jax.jit, inline=True)
+@linalg.fused
 def _norm_ratio(operators: Delassus, ratio: Array) -> Array:
     kept = [i for i, contact in enumerate(operators.contacts) if contact.frictional or not contact.bilateral]
     rest = without_frictionless_bilateral(operators)

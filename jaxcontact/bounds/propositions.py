@@ -173,5 +173,5 @@ def direct(operators: Delassus, ratio: Array) -> Array:
 
 
 def safe_sqrt(x: Array) -> Array:
-    """sqrt with derivative zero at zero."""
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0 * x)
+    """sqrt of x >= 0 with a finite derivative at zero."""
+    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), x)

@@ -11,6 +11,7 @@ from jaxcontact.linalg.factors import (
     solve_lower,
     solve_lower_transposed,
 )
+from jaxcontact.linalg.fused import fused
 from jaxcontact.linalg.jacobi import singular_values_jacobi
 from jaxcontact.linalg.singular import (
     singular_pair_max,
@@ -29,6 +30,7 @@ __all__ = [
     "det2",
     "det3",
     "dot",
+    "fused",
     "gram",
     "project_out",
     "real_eigenvalue_max",

@@ -1,0 +1,212 @@
+"""A function rewritten as a program on scalars: small arrays resolved, zeros and ones folded, nothing computed twice.
+
+What is written with vectors and matrices and derived by autodiff is full of structure that XLA does not see: stacking
+and indexing, products with entries that are zero whatever the numbers are, the same sine in five places. Here the
+program of a function is read once, while it is traced, with every small array kept as its separate entries. The
+structure falls away, and what is left fuses into one loop over a batch and compiles in a fraction of the time.
+
+A product with a structural zero is zero. Not so where the other factor comes from a division, a root or a logarithm
+that was not shielded by `shield`: there 0 * inf must stay NaN, and such factors are kept track of as wild.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.extend import core
+
+from jaxcontact.linalg.scalar_rules import (
+    ELEMENTWISE,
+    FOLD,
+    KNOWN,
+    SHIELDED,
+    STRUCTURE,
+    Entries,
+    entries_of,
+    identity,
+    is_shield,
+    is_shield_call,
+    literal,
+    may_be_infinite,
+    places,
+    screened,
+    whole,
+)
+
+ENTRIES_LIMIT = 128
+"""Arrays with more entries than this stay whole."""
+
+LENGTH_LIMIT = 2**13
+"""A longer program on scalars takes too long to compile."""
+
+
+def fused(function: Callable, *, final: bool = False) -> Callable:
+    """`function` as a program on scalars: the same values, to rounding, and the same derivatives.
+
+    A program with loops, branches or library routines in it, or one that is too long, is left as it is.
+
+    Args:
+        final: nothing is differentiated any more, so custom rules are opened as well. For the outermost function under
+            jit(vmap(...)); take derivatives inside.
+
+    >>> jax.jit(jax.vmap(fused(lambda x: jnp.stack([x, 0 * x]) @ jnp.stack([x, x]))))
+    """
+
+    def rewritten(*arguments):
+        leaves, structure = jax.tree.flatten(arguments)
+        returned = []
+
+        def flattened(*leaves):
+            results, tree = jax.tree.flatten(function(*jax.tree.unflatten(structure, leaves)))
+            returned.append(tree)
+            return results
+
+        program = jax.make_jaxpr(flattened)(*leaves)
+        reader = _Reader(final)
+        if not reader.pays(program.jaxpr):
+            return function(*arguments)
+        results = reader.run(program.jaxpr, program.consts, leaves)
+        return jax.tree.unflatten(returned[-1], [whole(x) for x in results])
+
+    return rewritten
+
+
+class _Reader:
+    """Reads a program step by step; `known` remembers what has been computed, by operation and operands."""
+
+    def __init__(self, final: bool):
+        self.final = final
+        self.known: dict = {}
+        self.wild: set[int] = set()
+        self.parts: dict = {}
+
+    def pays(self, program) -> bool:
+        """Whether the program is made of operations that are taken apart, and few enough of them."""
+        return self._length(program) <= LENGTH_LIMIT
+
+    def _length(self, program) -> float:
+        return sum(self._length_of(step) for step in program.eqns)
+
+    def _length_of(self, step) -> float:
+        inner = self._opened(step)
+        if inner is not None:
+            return self._length(inner.jaxpr)
+        size = sum(v.aval.size for v in step.outvars)
+        scalar = max(v.aval.size for v in (*step.invars, *step.outvars)) <= 1
+        plain = scalar and not list(core.jaxprs_in_params(step.params))
+        return size if plain or step.primitive.name in KNOWN else np.inf
+
+    def run(self, program, constants, arguments) -> list:
+        values = dict(zip(program.constvars, constants, strict=True))
+        values |= dict(zip(program.invars, arguments, strict=True))
+        for step in program.eqns:
+            inputs = [literal(v) if isinstance(v, core.Literal) else values[v] for v in step.invars]
+            values |= dict(zip(step.outvars, self.apply(program, step, inputs), strict=True))
+        return [literal(v) if isinstance(v, core.Literal) else values[v] for v in program.outvars]
+
+    def apply(self, program, step, inputs: list) -> list:
+        name, params = step.primitive.name, step.params
+        inner = self._opened(step)
+        if inner is not None:
+            return self.run(inner.jaxpr, inner.consts, inputs)
+        small = all(var.aval.size <= ENTRIES_LIMIT for var in (*step.invars, *step.outvars) if hasattr(var, "aval"))
+        if small and name in STRUCTURE:
+            parts = [self._entries(x) for x in inputs]
+            return [STRUCTURE[name](step.outvars[0].aval, params, *parts)]
+        if small and name in ELEMENTWISE:
+            return [self._elementwise(step, [self._entries(x) for x in inputs])]
+        if small and name == "reduce_sum":
+            return [self._sum(step, self._entries(inputs[0]))]
+        if small and name == "dot_general" and not params["dimension_numbers"][1][0]:
+            return [self._dot(step, *map(self._entries, inputs))]
+        results = _as_it_stands(program, step, inputs)
+        if not is_shield_call(step):
+            self.wild |= {id(x) for x in results}
+        return results
+
+    def _opened(self, step):
+        """The program inside a call that may be read through, else None."""
+        if step.primitive.name in ("jit", "pjit"):
+            return step.params["jaxpr"]
+        if self.final and step.primitive.name == "custom_jvp_call":
+            return step.params["call_jaxpr"]
+        return None
+
+    def _entries(self, x) -> Entries:
+        """The entries of an array, the same ones each time; those of a wild array are wild."""
+        if isinstance(x, Entries):
+            return x
+        if id(x) not in self.parts:
+            taken = entries_of(x)
+            self.parts[id(x)] = (taken, x)
+            if id(x) in self.wild:
+                self.wild |= {id(entry) for entry in taken.flat}
+        return self.parts[id(x)][0]
+
+    def _elementwise(self, step, operands: list[Entries]) -> Entries:
+        aval = step.outvars[0].aval
+        size = aval.size
+        spread = [x.flat * size if len(x.flat) == 1 and size != 1 else x.flat for x in operands]
+        flat = [self._scalar(step.primitive, step.params, row) for row in zip(*spread, strict=True)]
+        return Entries(aval.shape, aval.dtype, flat)
+
+    def _sum(self, step, x: Entries) -> Entries:
+        aval = step.outvars[0].aval
+        kept = [a for a in range(len(x.shape)) if a not in step.params["axes"]]
+        rows = places(x).transpose(*kept, *step.params["axes"]).reshape(aval.size, -1)
+        return Entries(aval.shape, aval.dtype, [self._total([x.flat[i] for i in row], aval.dtype) for row in rows])
+
+    def _dot(self, step, a: Entries, b: Entries) -> Entries:
+        aval = step.outvars[0].aval
+        (over_a, over_b), _ = step.params["dimension_numbers"]
+        free_a = [k for k in range(len(a.shape)) if k not in over_a]
+        free_b = [k for k in range(len(b.shape)) if k not in over_b]
+        count = int(np.prod([a.shape[k] for k in over_a], dtype=int))
+        rows = places(a).transpose(*free_a, *over_a).reshape(-1, count)
+        columns = places(b).transpose(*free_b, *over_b).reshape(-1, count)
+        flat = [
+            self._total([self._scalar(lax.mul_p, None, (a.flat[i], b.flat[j])) for i, j in zip(r, c)], aval.dtype)
+            for r in rows
+            for c in columns
+        ]
+        return Entries(aval.shape, aval.dtype, flat)
+
+    def _total(self, terms: list, dtype) -> Any:
+        result = np.zeros((), dtype)[()]
+        for term in terms:
+            result = self._scalar(lax.add_p, None, (result, term))
+        return result
+
+    def _scalar(self, primitive, params: dict | None, operands) -> Any:
+        """One scalar operation: folded, remembered, or bound; without params, a product or sum of our own."""
+        wild = any(id(x) in self.wild for x in operands)
+        folded = None if wild else FOLD.get(primitive.name, lambda *_: None)(*operands)
+        if folded is not None:
+            return folded
+        key = (primitive.name, str(params or {}), *map(identity, operands))
+        if key not in self.known:
+            # The operands are kept with the result: as long as they live, their identities are theirs alone.
+            result = self._bind(primitive, params, operands)
+            self.known[key] = (result, operands)
+            if (wild or may_be_infinite(primitive.name, params, operands)) and not is_shield(primitive.name, operands):
+                self.wild.add(id(result))
+        return self.known[key][0]
+
+    def _bind(self, primitive, params: dict | None, operands) -> Any:
+        if params is None:
+            return {lax.mul_p: lax.mul, lax.add_p: lax.add}[primitive](*operands)
+        if primitive.name in SHIELDED and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating):
+            return screened(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
+        return primitive.bind(*operands, **params)
+
+
+def _as_it_stands(program, step, inputs: list) -> list:
+    """The results of a step that is not taken apart: its own little program, run on whole arrays."""
+    operands = {v: whole(x) for v, x in zip(step.invars, inputs, strict=True) if not isinstance(v, core.Literal)}
+    kept = [v for v in step.outvars if str(v) != "_"]
+    alone = program.replace(constvars=[], invars=list(operands), outvars=kept, eqns=[step])
+    results = dict(zip(kept, core.jaxpr_as_fun(core.ClosedJaxpr(alone, []))(*operands.values()), strict=True))
+    return [results.get(v) for v in step.outvars]

@@ -1,0 +1,234 @@
+"""What the reader of programs knows of each operation: how entries move, what folds, what may become infinite."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.extend import core
+
+
+class Entries(NamedTuple):
+    """A small array as its entries: constants as numpy scalars, the rest as traced scalars."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    flat: list
+
+
+# --- values
+
+
+def literal(variable) -> Entries:
+    aval = variable.aval
+    return Entries(aval.shape, aval.dtype, list(np.asarray(variable.val, aval.dtype).reshape(-1)))
+
+
+def entries_of(x) -> Entries:
+    if isinstance(x, Entries):
+        return x
+    concrete = isinstance(x, jax.Array | np.ndarray | np.generic) and not isinstance(x, jax.core.Tracer)
+    if concrete and not jax.dtypes.issubdtype(x.dtype, jax.dtypes.extended):
+        return Entries(x.shape, x.dtype, list(np.asarray(x).reshape(-1)))
+    x = jnp.asarray(x)
+    return Entries(x.shape, x.dtype, [x[i] for i in np.ndindex(x.shape)])
+
+
+def whole(x):
+    """The array of its entries again."""
+    if not isinstance(x, Entries):
+        return x
+    if all(isinstance(entry, np.generic) for entry in x.flat):
+        return jnp.asarray(np.array(x.flat, x.dtype).reshape(x.shape))
+    rows = [jnp.asarray(entry, x.dtype) for entry in x.flat]
+    for length in reversed(x.shape):
+        rows = [jnp.stack(rows[i : i + length]) for i in range(0, len(rows), length)]
+    return rows[0]
+
+
+def places(x: Entries) -> np.ndarray:
+    return np.arange(len(x.flat)).reshape(x.shape)
+
+
+def identity(x) -> Any:
+    return (x.dtype.name, x.tobytes()) if isinstance(x, np.generic) else id(x)
+
+
+# --- primitives that only move entries: applied to the places of the entries
+
+
+def _moved(aval, x: Entries, order: np.ndarray) -> Entries:
+    return Entries(aval.shape, aval.dtype, [x.flat[i] for i in order.reshape(-1)])
+
+
+def _slice(aval, params, x):
+    strides = params["strides"] or (1,) * len(x.shape)
+    cut = tuple(slice(*s) for s in zip(params["start_indices"], params["limit_indices"], strides))
+    return _moved(aval, x, places(x)[cut])
+
+
+def _broadcast(aval, params, x):
+    shape = [1] * len(aval.shape)
+    for axis, place in enumerate(params["broadcast_dimensions"]):
+        shape[place] = x.shape[axis]
+    return _moved(aval, x, np.broadcast_to(places(x).reshape(shape), aval.shape))
+
+
+def _concatenate(aval, params, *parts):
+    flat, offset, blocks = [], 0, []
+    for part in parts:
+        blocks.append(places(part) + offset)
+        offset += len(part.flat)
+        flat += part.flat
+    return _moved(aval, Entries((), aval.dtype, flat), np.concatenate(blocks, axis=params["dimension"]))
+
+
+def _stack(aval, params, *parts):
+    flat, offset, blocks = [], 0, []
+    for part in parts:
+        blocks.append(places(part) + offset)
+        offset += len(part.flat)
+        flat += part.flat
+    return _moved(aval, Entries((), aval.dtype, flat), np.stack(blocks, axis=params["axis"]))
+
+
+STRUCTURE = {
+    "slice": _slice,
+    "broadcast_in_dim": _broadcast,
+    "concatenate": _concatenate,
+    "stack": _stack,
+    "squeeze": lambda aval, params, x: _moved(aval, x, places(x)),
+    "expand_dims": lambda aval, params, x: _moved(aval, x, places(x)),
+    "reshape": lambda aval, params, x: _moved(aval, x, places(x)),
+    "transpose": lambda aval, params, x: _moved(aval, x, places(x).transpose(params["permutation"])),
+    "rev": lambda aval, params, x: _moved(aval, x, np.flip(places(x), params["dimensions"])),
+}
+
+ELEMENTWISE = {
+    "abs", "acos", "add", "add_any", "and", "asin", "atan", "atan2", "bitcast_convert_type", "clamp",
+    "convert_element_type", "cos", "cosh", "div", "eq", "exp", "ge", "gt", "integer_pow", "is_finite", "le", "log",
+    "lt", "max", "min", "mul", "ne", "neg", "not", "or", "pow", "rsqrt", "select_n", "shift_left",
+    "shift_right_arithmetic", "shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor",
+}  # fmt: skip
+
+
+KNOWN = {*STRUCTURE, *ELEMENTWISE, "reduce_sum", "dot_general", "custom_jvp_call"}
+
+
+# --- folding
+
+
+def _constant(x, value=None) -> bool:
+    return isinstance(x, np.generic) and (value is None or x == value)
+
+
+def _fold_mul(x, y):
+    if _constant(x, 0) or _constant(y, 1):
+        return x
+    if _constant(y, 0) or _constant(x, 1):
+        return y
+    return x * y if _constant(x) and _constant(y) else None
+
+
+def _fold_add(x, y):
+    if _constant(x, 0):
+        return y
+    if _constant(y, 0):
+        return x
+    return x + y if _constant(x) and _constant(y) else None
+
+
+def _fold_sub(x, y):
+    if _constant(y, 0):
+        return x
+    return x - y if _constant(x) and _constant(y) else None
+
+
+def _fold_div(x, y):
+    return x if _constant(y, 1) or (_constant(x, 0) and _constant(y) and y != 0) else None
+
+
+def _fold_neg(x):
+    return -x if _constant(x) else None
+
+
+FOLD = {"mul": _fold_mul, "add": _fold_add, "add_any": _fold_add, "sub": _fold_sub, "div": _fold_div, "neg": _fold_neg}
+
+
+# --- what may leave the finite numbers
+
+UNBOUNDED = {"acos", "asin", "log", "pow", "rsqrt", "sqrt", "tan"}
+
+
+def may_be_infinite(name: str, params: dict | None, operands) -> bool:
+    if name == "div":
+        return not (_constant(operands[1]) and operands[1] != 0)
+    return name in UNBOUNDED or (name == "integer_pow" and params["y"] < 0)
+
+
+def is_shield(name: str, operands) -> bool:
+    return name == "max" and any(_constant(x, jnp.finfo(x.dtype).min) for x in operands if x.dtype.kind == "f")
+
+
+def is_shield_call(step) -> bool:
+    """Whether a custom rule is that of `shield`: one maximum with the most negative number."""
+    program = step.params.get("call_jaxpr")
+    if program is None or len(program.jaxpr.eqns) != 1:
+        return False
+    (inner,) = program.jaxpr.eqns
+    constants = [literal(v).flat[0] for v in inner.invars if isinstance(v, core.Literal)]
+    return is_shield(inner.primitive.name, constants)
+
+
+# --- expensive operations behind a screen, with derivatives that are screened as well
+
+
+@jax.custom_jvp
+def screened(x):
+    """A shield that says nothing of the size of x."""
+    return lax.max(x, jnp.array(0.5 * jnp.finfo(x.dtype).min, x.dtype))
+
+
+@screened.defjvp
+def _screened_jvp(primals, tangents):
+    return screened(*primals), tangents[0]
+
+
+@jax.custom_jvp
+def _sin(x):
+    return screened(lax.sin(x))
+
+
+@jax.custom_jvp
+def _cos(x):
+    return screened(lax.cos(x))
+
+
+@jax.custom_jvp
+def _sqrt(x):
+    return screened(lax.sqrt(x))
+
+
+@jax.custom_jvp
+def _quotient(x, y):
+    return screened(lax.div(x, y))
+
+
+def _half_inverse(x):
+    return 0.5 * _quotient(jnp.ones_like(x), x)
+
+
+_sin.defjvp(lambda primals, tangents: (_sin(*primals), _cos(*primals) * tangents[0]))
+_cos.defjvp(lambda primals, tangents: (_cos(*primals), -_sin(*primals) * tangents[0]))
+_sqrt.defjvp(lambda primals, tangents: (_sqrt(*primals), tangents[0] * _half_inverse(_sqrt(*primals))))
+
+
+@_quotient.defjvp
+def _quotient_jvp(primals, tangents):
+    (x, y), (dx, dy) = primals, tangents
+    q = _quotient(x, y)
+    return q, (dx - q * dy) * _quotient(jnp.ones_like(y), y)
+
+
+SHIELDED = {"sin": _sin, "cos": _cos, "sqrt": _sqrt, "div": _quotient}
