@@ -106,12 +106,11 @@ STRUCTURE = {
 }
 
 ELEMENTWISE = {
-    "abs", "acos", "add", "add_any", "and", "asin", "atan", "atan2", "bitcast_convert_type", "clamp",
-    "convert_element_type", "cos", "cosh", "div", "eq", "exp", "ge", "gt", "integer_pow", "is_finite", "le", "log",
-    "lt", "max", "min", "mul", "ne", "neg", "not", "or", "pow", "rsqrt", "select_n", "shift_left",
-    "shift_right_arithmetic", "shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor",
-}  # fmt: skip
-
+    *("abs", "acos", "add", "add_any", "and", "asin", "atan", "atan2", "bitcast_convert_type", "clamp", "cos", "cosh"),
+    *("convert_element_type", "div", "eq", "exp", "ge", "gt", "integer_pow", "is_finite", "le", "log", "lt", "max"),
+    *("min", "mul", "ne", "neg", "not", "or", "pow", "rsqrt", "select_n", "shift_left", "shift_right_arithmetic"),
+    *("shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor"),
+}
 
 KNOWN = {*STRUCTURE, *ELEMENTWISE, "reduce_sum", "dot_general", "custom_jvp_call"}
 
