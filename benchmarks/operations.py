@@ -10,6 +10,7 @@ import re
 import jax
 
 import jaxcontact as jc
+from jaxcontact.linalg import fused
 from jaxcontact.mechanisms import GuidedRodUnderCeiling, PainleveKlein
 
 BOOKKEEPING = {
@@ -32,8 +33,8 @@ SCENES = (
 
 
 def operations(function, *arguments) -> int:
-    """Arithmetic instructions in the optimised program of `function`."""
-    text = jax.jit(function).lower(*arguments).compile().as_text()
+    """Arithmetic instructions in the optimised program of `function`, compiled as a sweep compiles it."""
+    text = jax.jit(fused(function, final=True)).lower(*arguments).compile().as_text()
     instructions = re.findall(r"^\s+(?:ROOT )?%?[\w.-]+ = (?:\([^)]*\)|\S+) ([\w-]+)\(", text, re.MULTILINE)
     return sum(name not in BOOKKEEPING for name in instructions)
 
