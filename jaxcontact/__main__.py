@@ -1,4 +1,4 @@
-"""The command line: `jaxcontact list | curve | atlas | figures`."""
+"""The command line: `jaxcontact list | curve | atlas | figures | regimes`."""
 
 import argparse
 import sys
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import jax
 
-from .commands import run_atlas, run_curve, run_figures, run_list
+from .commands import add_regimes, run_atlas, run_curve, run_figures, run_list
 
 MISUSE = 2  # exit code, as of argparse
 
@@ -18,6 +18,7 @@ EXAMPLES = """examples:
   jaxcontact atlas FlexiblePainleveKlein --over theta=0.05:1.5:200 --over d=-0.4:2:200 --out atlas.svg
   jaxcontact curve my_drawer.py:Drawer --over offset=0:0.5:200 --out drawer.png
   jaxcontact figures --out figures
+  jaxcontact regimes --friction 2 --out regimes.png
 """
 OVER = "a coordinate or parameter and its range: name=start:stop:count, angles in rad"
 SET = "the value of another coordinate, parameter or choice: name=value; may be repeated"
@@ -55,13 +56,14 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(required=True, metavar="{list,curve,atlas,figures}")
+    commands = parser.add_subparsers(required=True, metavar="{list,curve,atlas,figures,regimes}")
     _add_list(commands, everywhere)
     _add_sweep(commands, everywhere, "curve", "a bound along one coordinate or parameter", run_curve)
     _add_sweep(commands, everywhere, "atlas", "a bound over two or more coordinates or parameters", run_atlas)
     figures = commands.add_parser("figures", help="Figures 3 to 7 of the tutorial, corrected", parents=[everywhere])
     figures.add_argument("--out", required=True, help="folder for the pictures (.png, .svg) and numbers (.csv)")
     figures.set_defaults(run=run_figures)
+    add_regimes(commands, everywhere)
     return parser
 
 

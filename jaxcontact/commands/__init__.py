@@ -2,6 +2,7 @@
 
 from .figures import run_figures
 from .listing import run_list
+from .regimes import add_regimes
 from .sweeps import run_atlas, run_curve
 
-__all__ = ["run_atlas", "run_curve", "run_figures", "run_list"]
+__all__ = ["add_regimes", "run_atlas", "run_curve", "run_figures", "run_list"]

@@ -1,8 +1,8 @@
 """Forces and accelerations of a mechanism in sliding contact."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,11 +10,11 @@ from jax import Array, lax
 
 from .. import linalg
 from ..complementarity import Direct, Lemke, Solution, Status, solve
-from ..dynamics import Contact, Delassus, State, terms
+from ..dynamics import Contact, Delassus, State, Terms, terms
 from ..dynamics.numbers import is_concrete
 from ..dynamics.sound import refuse_unsound
-from .law import coefficients, sticks
-from .mass import constrained_mass
+from .law import coefficients, stands_still
+from .mass import stiffened, stiffening
 from .residuals import Motion, Residuals, residuals
 from .sliding import Sliding, contradiction, length_of, normal_forces, sliding, sort_contacts, with_sign
 from .soundness import harmless, is_sound, without_idle_directions
@@ -90,9 +90,9 @@ def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method
     method = _cheapest(mechanism.contacts) if method is None else method
     if not is_concrete((mechanism, state, mu)):
         return _forces(mechanism, state, mu, method)[0]
-    forces, (operators, energy_at_rest) = _forces(mechanism, state, mu, method)
-    if int(forces.status) == Status.BAD_INPUT or float(energy_at_rest) != 0:
-        refuse_unsound(mechanism, state, operators, energy_at_rest)
+    forces, seen = _forces(mechanism, state, mu, method)
+    if int(forces.status) == Status.BAD_INPUT or float(seen.energy_at_rest) != 0:
+        refuse_unsound(mechanism, state, seen, seen.energy_at_rest)
         raise ValueError(f"{type(mechanism).__name__}: the numbers at this state overflow; choose other units")
     return forces
 
@@ -102,36 +102,45 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
     return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
 
 
+class Seen(NamedTuple):
+    """What the door looks at; `L` only says whether the mass matrix is sound."""
+
+    terms: Terms
+    L: Array
+    energy_at_rest: Array
+    """J; a kinetic energy that is not zero at rest is misuse"""
+
+
 @partial(jax.jit, static_argnames=("method",), inline=True)
-def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[ContactForces, Any]:
+def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[ContactForces, Seen]:
     """The forces, and what the door looks at. Derivatives pass through lanes with sound input only."""
     contacts = mechanism.contacts
-    seen, stuck, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
-    clear = sound & ~jnp.any(stuck)
+    seen, still, gamma, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
+    clear = sound & ~jnp.any(still & (mu > 0))
     mechanism, state, mu = _differentiable_where(clear, (mechanism, state, mu))
-    parts = harmless(without_idle_directions(terms(mechanism, state), stuck | (mu == 0)), clear)
+    parts = harmless(without_idle_directions(terms(mechanism, state), still), clear)
     friction = jnp.where(clear, mu * jnp.sign(parts.slip), 0)
-    heavy, _ = constrained_mass(parts, contacts)
-    operators = whitened(heavy, contacts)
+    operators = whitened(stiffened(parts, contacts, jnp.where(clear, gamma, 0)), contacts)
     found = sliding(operators, friction)
     solution = None if found.problem is None else solve(found.problem, method)
     normal, a = _accelerated(operators, friction, found, solution)
     reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = jnp.where(clear, _status(operators, found, solution), reason)
-    forces = _judged(parts, operators, friction, found, solution, normal, a, status)
-    return forces, (seen, _energy_at_rest(mechanism, state))
+    return _judged(parts, operators, friction, found, solution, normal, a, status), seen
 
 
-def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Delassus, Array, Array]:
-    """(operators, contacts that stick (m,), whether all input is sound)."""
+def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Array, Array]:
+    """(what is seen, contacts without slip (m,), stiffening of the mass matrix, whether all input is sound)."""
     contacts = mechanism.contacts
     parts = terms(mechanism, state)
-    stuck = sticks(contacts, parts, state, mu)
-    parts = without_idle_directions(parts, stuck | (mu == 0))
-    heavy, massive = constrained_mass(parts, contacts)
-    sound = is_sound(contacts, parts, state, mu) & massive
-    operators = whitened(heavy, contacts)
-    return replace(operators, L=jnp.where(massive, operators.L, jnp.nan), terms=parts), stuck, sound
+    still = stands_still(contacts, parts, state)
+    parts = without_idle_directions(parts, still)
+    gamma, massive = stiffening(parts, contacts)
+    energy = jnp.zeros((), state.q.dtype)
+    if not hasattr(mechanism, "mass_matrix"):
+        energy = mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))
+    seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan), energy)
+    return seen, still, gamma, massive & is_sound(contacts, parts, state, mu)
 
 
 def _differentiable_where(clear: Array, tree: Any) -> Any:
@@ -141,8 +150,10 @@ def _differentiable_where(clear: Array, tree: Any) -> Any:
 
 def _accelerated(operators: Delassus, friction: Array, found: Sliding, solution: Solution | None):
     """Normal forces (m,) and accelerations (n,): L^T a = N lambda - D |lambda| - L^-1 F."""
-    none = solution is None
-    remaining = friction[:0] if none else with_sign(operators.contacts, solution.z, solution.w)
+    remaining = friction[:0]
+    if solution is not None:
+        remaining = with_sign(operators.contacts, solution.z, solution.w)
+        remaining = jnp.where(solution.answered, remaining, 0)  # NaN would reach the derivatives of other lanes
     normal = normal_forces(operators, friction, found, remaining)
     pushes = operators.N * normal[None, :] - operators.T * (friction * jnp.abs(normal))[None, :]
     alpha = jnp.sum(pushes, axis=1) - linalg.solve_lower(operators.L, operators.terms.F)
@@ -207,10 +218,3 @@ def _certified(found: Sliding) -> Array:
     least, greatest = linalg.singular_value_min(found.N), linalg.singular_value_max(found.N)
     pulled = linalg.singular_value_max(linalg.gram(found.N, found.D))
     return (least > noise * greatest) & (least**2 * (1 - noise) > pulled) & ~found.span.deficient
-
-
-def _energy_at_rest(mechanism: Any, state: State) -> Array:
-    """J; a kinetic energy that is not zero at rest is misuse."""
-    if hasattr(mechanism, "mass_matrix"):
-        return jnp.zeros((), state.q.dtype)
-    return mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))

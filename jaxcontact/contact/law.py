@@ -56,14 +56,13 @@ def signs(contacts: tuple[Contact, ...], xi, dtype) -> Array:
     return jnp.where(rough, jnp.where(jnp.abs(xi) == 1, xi, jnp.nan), 0.0).astype(dtype)
 
 
-def sticks(contacts: tuple[Contact, ...], parts: Terms, state: State, mu: Array) -> Array:
-    """(m,) bool: a contact with friction has no slip, so that the sliding law says nothing about it."""
-    share = float(jnp.finfo(mu.dtype).eps) ** NO_SLIP
+def stands_still(contacts: tuple[Contact, ...], parts: Terms, state: State) -> Array:
+    """(m,) bool: a frictional contact has no slip; with friction it sticks, and the sliding law says nothing there."""
+    share = float(jnp.finfo(parts.slip.dtype).eps) ** NO_SLIP
     speed = jnp.sum(jnp.abs(parts.H * state.v[:, None]), axis=0)
     rough = jnp.array([contact.frictional for contact in contacts], bool)
-    # A direction that is undefined at rest has speed NaN, so the comparison is written for NaN to stick.
-    none = ~(jnp.abs(parts.slip) > share * speed) & jnp.isfinite(parts.slip)
-    return rough & (mu > 0) & none
+    # A direction that is undefined at rest has speed NaN, so the comparison is written for NaN to stand still.
+    return rough & ~(jnp.abs(parts.slip) > share * speed) & jnp.isfinite(parts.slip)
 
 
 def _refuse(contacts: tuple[Contact, ...], mu: np.ndarray, rough: np.ndarray) -> None:

@@ -22,22 +22,35 @@ SINGULAR = 16
 """A pivot of the Cholesky factorisation below SINGULAR n eps of its diagonal entry is rounding."""
 
 
-def constrained_mass(parts: Terms, contacts: tuple[Contact, ...]) -> tuple[Terms, Array]:
-    """(terms with the mass matrix regular where the bilateral constraints can make it so, whether it is now sound).
+def stiffening(parts: Terms, contacts: tuple[Contact, ...]) -> tuple[Array, Array]:
+    """(gamma >= 0, zero where M is regular; whether the mass matrix is sound).
 
     Sound, a bool: M is symmetric positive semi-definite, and definite on what the bilateral constraints leave free.
 
-    >>> constrained_mass(terms(mechanism, state), mechanism.contacts)[1]
+    >>> gamma, sound = stiffening(terms(mechanism, state), mechanism.contacts)
     """
     regular = is_definite(parts.M)
-    held = tuple(i for i, contact in enumerate(contacts) if contact.bilateral)
+    held = _held(contacts)
     if not held:
-        return parts, regular
-    G, c = select_columns(parts.G, held), select(parts.c, held)
+        return jnp.zeros((), parts.M.dtype), regular
+    G = select_columns(parts.G, held)
     gamma = jnp.where(regular, 0, _stiffness(parts.M, G))
     stiffer = linalg.gram((gamma * G).T, G.T)
-    M, F = parts.M + stiffer, parts.F + linalg.gram((gamma * G).T, c)
-    return replace(parts, M=M, F=F), regular | (is_definite(M) & _is_semidefinite(parts.M, stiffer))
+    return gamma, regular | (is_definite(parts.M + stiffer) & _is_semidefinite(parts.M, stiffer))
+
+
+def stiffened(parts: Terms, contacts: tuple[Contact, ...], gamma: Array) -> Terms:
+    """The terms with M + Gamma and F + g."""
+    held = _held(contacts)
+    if not held:
+        return parts
+    G, c = select_columns(parts.G, held), select(parts.c, held)
+    M, F = parts.M + linalg.gram((gamma * G).T, G.T), parts.F + linalg.gram((gamma * G).T, c)
+    return replace(parts, M=M, F=F)
+
+
+def _held(contacts: tuple[Contact, ...]) -> tuple[int, ...]:
+    return tuple(i for i, contact in enumerate(contacts) if contact.bilateral)
 
 
 def is_definite(M: Array) -> Array:

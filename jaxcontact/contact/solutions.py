@@ -117,4 +117,5 @@ def _remaining(operators: Delassus, found: Sliding) -> tuple[Array, Array, Array
         return jnp.zeros((1, 0), operators.N.dtype), jnp.isfinite(jnp.sum(operators.w))[None], no, no
     every = all_solutions(found.problem)
     rows = jax.vmap(lambda z, w: with_sign(operators.contacts, z, w))(every.z, every.w)
+    rows = jnp.where(every.valid[:, None], rows, 0)  # NaN would reach the derivatives of other rows
     return rows, every.valid, every.infinite, every.undecided
