@@ -85,7 +85,8 @@ def all_solutions(problem):
 def _enumerated(problem):
     fixed = lax.stop_gradient(problem)
     form = normal_form(fixed)
-    modes = jnp.array(list(product((False, True), repeat=form.P.shape[1])), bool).reshape(-1, form.P.shape[1])
+    m = form.P.shape[1]
+    modes = jnp.array(list(product((False, True), repeat=m)), bool).reshape(2**m, m)
     free, z, w, holds, family, doubt, radius = jax.vmap(lambda mode: _solved_mode(fixed, form, mode))(modes)
     valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
     point = [jnp.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]

@@ -41,17 +41,17 @@ def scaled(M, q):
     >>> scaled(jnp.diag(jnp.array([4.0, 1.0])), jnp.array([-2.0, -1.0])).rows     # -1, 0
     """
     rows = row_exponents(M)
-    balanced = times_power_of_two(M, rows[:, None] + rows[None, :])
-    moved = times_power_of_two(q, rows)
-    size_M = exponent(jnp.max(jnp.abs(balanced)))
-    size_q = exponent(jnp.max(jnp.abs(moved)))
-    return Scaled(
-        times_power_of_two(M, rows[:, None] + rows[None, :] - size_M),
-        times_power_of_two(q, rows - size_q),
-        rows,
-        size_M,
-        size_q,
-    )
+    both = rows[:, None] + rows[None, :]
+    size_M, size_q = _largest_exponent(M, both), _largest_exponent(q, rows)
+    return Scaled(times_power_of_two(M, both - size_M), times_power_of_two(q, rows - size_q), rows, size_M, size_q)
+
+
+def _largest_exponent(x, shift):
+    """int: exponent of the largest |x| 2^shift, found without forming numbers that might overflow; 0 if x is 0."""
+    usable = (x != 0) & jnp.isfinite(x)
+    least = jnp.iinfo(shift.dtype).min
+    largest = jnp.max(jnp.where(usable, exponent(x) + shift, least))
+    return jnp.where(largest == least, 0, largest)
 
 
 def row_exponents(M):
