@@ -4,16 +4,21 @@ For a singular matrix it returns the inverse of a largest regular block, padded 
 Pivots far below the size of the (balanced) matrix count as zero.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxcontact.complementarity.scaling import exponent, power_of_two
 
 PIVOT_FLOOR = 16
 """A pivot below PIVOT_FLOOR * n * eps of the largest balanced entry is rounding, and ends the elimination."""
+
+SCALARS = 4
+"""Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""
 
 UNROLLED = 2
 """Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop compiles faster."""
@@ -31,8 +36,22 @@ class Inverse(NamedTuple):
 
 
 def dot(A, x):
-    """A @ x in the full precision of the dtype (accelerators default to less)."""
+    """A @ x in the full precision of the dtype (accelerators default to less).
+
+    Small products are sums of scalars, which XLA fuses with their surroundings.
+    """
+    if A.ndim == 2 and x.ndim == 1 and A.size and max(A.shape) <= SCALARS:
+        return jnp.stack([sum(A[i, j] * x[j] for j in range(A.shape[1])) for i in range(A.shape[0])])
+    if A.ndim == 1 and x.ndim == 2:
+        return dot(x.T, A)
     return jnp.matmul(A, x, precision=lax.Precision.HIGHEST)
+
+
+def largest(x):
+    """max |x_i| of a vector; 0 if it is empty, NaN if one entry is."""
+    if 0 < x.size <= SCALARS:
+        return functools.reduce(jnp.maximum, [jnp.abs(x[i]) for i in np.ndindex(*x.shape)])
+    return jnp.max(jnp.abs(x), initial=0)
 
 
 @jax.custom_jvp

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
-from jaxcontact.complementarity.inverse import analysed_inverse, counted, dot
+from jaxcontact.complementarity.inverse import SCALARS, analysed_inverse, counted, dot, largest
 from jaxcontact.complementarity.problems import LCP, MLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
 from jaxcontact.complementarity.status import Status
@@ -144,12 +144,12 @@ def infeasible(problem, form, y):
     def error(A, scale, sign):
         product, terms = accurate_product(y, A), dot(jnp.abs(y), jnp.abs(A))
         wrong = jnp.abs(product) if sign == 0 else jnp.maximum(-sign * product, 0)
-        return _largest((wrong + rounding * terms) / scale) / _above_zero(_largest(jnp.abs(A) / scale[None, :]))
+        return largest((wrong + rounding * terms) / scale) / _above_zero(largest(jnp.abs(A) / scale[None, :]))
 
     free = error(form.F, jnp.ones(form.F.shape[1], y.dtype), 0)
     signs = jnp.maximum(error(form.P, scale_z, 1), error(form.N, scale_w, -1))
     load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
-    allowed = CERTIFICATE_BOUND * rounding * load / _above_zero(_largest(form.q))
+    allowed = CERTIFICATE_BOUND * rounding * load / _above_zero(largest(form.q))
     return (load > 0) & (free <= allowed) & (signs <= allowed)
 
 
@@ -185,9 +185,9 @@ def residuals(problem, form, free, z, w):
         return _residuals_of_slack(problem, form, miss[:k], terms, z, w)
     terms = terms + dot(jnp.abs(form.N), jnp.abs(w))
     scale_z, scale_w = pair_scales(problem, form)
-    size = jnp.maximum(_largest(z * scale_z), _largest(w * scale_w))
-    pair = _ratio(_largest(jnp.minimum(z * scale_z, w * scale_w)), size)
-    return jnp.maximum(_ratio(_largest(miss), _largest(terms)), pair), _ratio(_largest(miss), _largest(form.q))
+    size = jnp.maximum(largest(z * scale_z), largest(w * scale_w))
+    pair = _ratio(largest(jnp.minimum(z * scale_z, w * scale_w)), size)
+    return jnp.maximum(_ratio(largest(miss), largest(terms)), pair), _ratio(largest(miss), largest(form.q))
 
 
 def _residuals_of_slack(problem, form, miss, terms, z, w):
@@ -195,7 +195,7 @@ def _residuals_of_slack(problem, form, miss, terms, z, w):
     k = form.F.shape[1]
     diagonal, side = jnp.diagonal(form.P[k:]), _largest_of_rows(form.P[k:])
     t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
-    rho = _ratio(jnp.maximum(_largest(miss), _largest(jnp.minimum(t * z, w))), _largest(form.q))
+    rho = _ratio(jnp.maximum(largest(miss), largest(jnp.minimum(t * z, w))), largest(form.q))
     plain = _backward(miss, terms[:k], terms[k:], z, w)
     scale_z, scale_w = pair_scales(problem, form)
     balanced = _backward(miss, terms[:k], scale_w * terms[k:], scale_z * z, scale_w * w)
@@ -203,9 +203,9 @@ def _residuals_of_slack(problem, form, miss, terms, z, w):
 
 
 def _backward(miss, free_terms, terms, z, w):
-    s = jnp.maximum(_largest(terms), _largest(free_terms))
-    pairs = jnp.minimum(_ratio(z, _largest(z)), _ratio(w, s))
-    return jnp.maximum(_ratio(_largest(miss), s), _largest(pairs))
+    s = jnp.maximum(largest(terms), largest(free_terms))
+    pairs = jnp.minimum(_ratio(z, largest(z)), _ratio(w, s))
+    return jnp.maximum(_ratio(largest(miss), s), largest(pairs))
 
 
 def pair_scales(problem, form):
@@ -218,17 +218,17 @@ def pair_scales(problem, form):
     if isinstance(problem, LCP | MLCP):
         rows = row_exponents(form.P[form.F.shape[1] :])
         return power_of_two(-rows, dtype), power_of_two(rows, dtype)
-    return tuple(power_of_two(exponent(jnp.max(jnp.abs(A), axis=0, initial=0)), dtype) for A in (form.P, form.N))
+    return tuple(power_of_two(exponent(_largest_of_rows(A.T)), dtype) for A in (form.P, form.N))
 
 
 def classify(problem, form, z, w):
     """(active, degenerate), (m,) bool each: z_i positive beyond rounding; z_i and w_i both zero up to rounding."""
     scale_z, scale_w = pair_scales(problem, form)
-    size_z, size_w = _largest(z * scale_z), _largest(w * scale_w)
+    size_z, size_w = largest(z * scale_z), largest(w * scale_w)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
         terms = dot(jnp.abs(form.P[k:]), jnp.abs(z)) + jnp.abs(form.q[k:])
-        size_w = _largest(terms * scale_w)
+        size_w = largest(terms * scale_w)
     else:
         size_z = size_w = jnp.maximum(size_z, size_w)
     zero = DEGENERACY_BOUND * jnp.finfo(z.dtype).eps
@@ -237,12 +237,8 @@ def classify(problem, form, z, w):
     return active, (part_z <= zero) & (part_w <= zero)
 
 
-def _largest(x):
-    return jnp.max(jnp.abs(x), initial=0)
-
-
 def _largest_of_rows(A):
-    return jnp.max(jnp.abs(A), axis=1, initial=0)
+    return jnp.stack([largest(row) for row in A]) if 0 < len(A) <= SCALARS else jnp.max(jnp.abs(A), axis=1, initial=0)
 
 
 def _above_zero(x):
