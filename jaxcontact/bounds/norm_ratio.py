@@ -45,9 +45,11 @@ def norm_ratio_of_factors(N: Array, T: Array) -> Array:
 
     N (n, m), T (n, k): whitened gaps, and tangential directions already scaled by the ratio of coefficients.
     """
-    normal = linalg.singular_value_min(N) ** 2
     if T.shape[1] == 0:
         return jnp.full((), jnp.inf, N.dtype)
+    if N.shape[1] == 1:
+        return safe_ratio(linalg.gram(N, N)[0, 0], jnp.abs(linalg.gram(N, T)[0, 0]))
+    normal = linalg.singular_value_min(N) ** 2
     return safe_ratio(normal, linalg.singular_value_max(linalg.gram(N, T)))
 
 
