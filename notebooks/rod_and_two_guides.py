@@ -22,10 +22,11 @@
 # Source of the mechanics: Blumentals, Brogliato, Bertails-Descoubes, HAL hal-01096394v1 (2014), corrected where it errs.
 
 # %%
+# %matplotlib inline
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
 jax.config.update("jax_enable_x64", True)
 
@@ -150,13 +151,13 @@ def reach(mechanism, angle, theta):
 plane = jc.sweep(
     {"r": reach}, guides, angle=jnp.linspace(0, jnp.pi / 2, 61), theta=jnp.array([0.6, 0.8, 1.0, 1.2]), progress=False
 )
-figure = Figure(figsize=(5, 5), layout="constrained")
-axes = figure.subplots()
+figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")
 for theta in plane.theta:
     r = plane.r.sel(theta=theta)
     axes.plot(r * np.cos(plane.angle), r * np.sin(plane.angle), label=f"θ = {float(theta):.1f} rad")
 axes.set(xlabel="friction of the lower guide, μ₁", ylabel="friction of the upper guide, μ₂", aspect="equal")
 axes.legend()
+plt.close(figure)  # shown once, below
 figure
 
 # %% [markdown]
