@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 
+from .critical import critical, critical_for_signs
 from .norm_ratio import norm_ratio
 from .proposition14 import prop14
 from .propositions import direct, prop9a, prop9b, prop10, prop11, prop12, prop13, prop15
 from .slopes import Slopes, slopes
 
-_BOUNDS = (norm_ratio, prop9a, prop9b, prop10, prop11, prop12, prop13, prop14, prop15, direct)
+_BOUNDS = (norm_ratio, prop9a, prop9b, prop10, prop11, prop12, prop13, prop14, prop15, direct, critical)
 
 
 def by_name() -> dict[str, Callable]:
@@ -18,6 +19,8 @@ def by_name() -> dict[str, Callable]:
 __all__ = [
     "Slopes",
     "by_name",
+    "critical",
+    "critical_for_signs",
     "direct",
     "norm_ratio",
     "prop9a",

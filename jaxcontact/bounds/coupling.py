@@ -1,0 +1,121 @@
+"""The coupling X = W^-1 Wt of a set of contacts, from their factors: W = N^T N and Wt = N^T T are never formed."""
+
+import jax.numpy as jnp
+from jax import Array, lax
+
+from .. import linalg
+from ..linalg.orthogonal import triangularise
+from ..linalg.unrolled import UNROLL_LIMIT, columns, from_rows, inner, shield
+
+NOISE = 16
+"""Roundings of the terms that make up an entry of X, below which it counts as zero."""
+
+DEPENDENT = 32
+"""A gap gradient counts as dependent on the earlier ones when no more than this many roundings of its length are left."""
+
+SCALAR_COLUMNS = 2
+"""Up to this many contacts the algebra is on scalars and fuses; beyond, on arrays, which compile in a tenth of the time."""
+
+
+def coupling(N: Array, T: Array) -> Array:
+    """X (m, k) with N^T N X = N^T T for N (n, m) of full rank and T (n, k): the least-squares coefficients of T on N.
+
+    With N = E R, E orthonormal, X = R^-1 E^T T: the error is that of the condition of N, half the digits of W's. An entry
+    within rounding of zero is zero, since r = inf ("never lost") hangs on which entries vanish; its derivative stays.
+
+    `coupling(here.N, here.T)`
+    """
+    scalars = N.shape[1] <= SCALAR_COLUMNS and max(*N.shape, T.shape[1]) <= UNROLL_LIMIT
+    X, noise = _on_scalars(N, T) if scalars else _on_arrays(N, T)
+    nothing = lax.abs(X) <= NOISE * float(jnp.finfo(X.dtype).eps) * noise
+    return X - lax.stop_gradient(jnp.where(nothing, X, 0))
+
+
+def dependent(N: Array) -> Array:
+    """bool: the columns of N depend on each other, to rounding, whatever their lengths. `dependent(here.N)`"""
+    n, m = N.shape
+    if m == 0 or n < m:
+        return jnp.full((), n < m)
+    N = lax.stop_gradient(N)
+    length = jnp.sqrt(jnp.sum(N * N, axis=0))
+    missing = length == 0
+    units = N / jnp.where(missing, 1, length)[None, :]
+    if m <= SCALAR_COLUMNS:
+        left = linalg.singular_value_min(units)
+    else:
+        left = jnp.min(jnp.diag(orthogonal_triangular(units)[1]))
+    return jnp.any(missing) | (left <= DEPENDENT * float(jnp.finfo(N.dtype).eps))
+
+
+def square_factors(N: Array, T: Array) -> tuple[Array, Array]:
+    """(R (m, m), Z (m, k)) with the products of N and T: R^T R = N^T N and R^T Z = N^T T, for every choice of columns."""
+    if N.shape[0] == N.shape[1]:
+        return N, T
+    E, R = orthogonal_triangular(N)
+    return R, _product(E.T, T)
+
+
+def orthogonal_triangular(N: Array) -> tuple[Array, Array]:
+    """(E (n, m), R (m, m)): N = E R by modified Gram-Schmidt, every projection done twice; no library call, so it batches.
+
+    A zero column, and one that depends on the earlier ones exactly, gives zeros in E and in the diagonal of R.
+    """
+    m = N.shape[1]
+    rest, E, R = N, [], []
+    for i in range(m):
+        square = jnp.sum(rest[:, 0] * rest[:, 0])
+        there = square > 0
+        length = jnp.where(there, jnp.sqrt(jnp.where(there, square, 1)), 0 * square)
+        e = rest[:, 0] / jnp.where(there, length, 1)
+        rest = rest[:, 1:]
+        first = jnp.sum(e[:, None] * rest, axis=0)
+        rest = rest - e[:, None] * first[None, :]
+        second = jnp.sum(e[:, None] * rest, axis=0)
+        rest = rest - e[:, None] * second[None, :]
+        E.append(e)
+        R.append(jnp.concatenate([jnp.zeros(i, N.dtype), length[None], first + second]))
+    return jnp.stack(E, axis=1), jnp.stack(R)
+
+
+def _product(A: Array, B: Array) -> Array:
+    return jnp.matmul(A, B, precision=lax.Precision.HIGHEST)
+
+
+def _on_arrays(N: Array, T: Array) -> tuple[Array, Array]:
+    """X and the sum of the absolute values of the terms it is made of: back substitution, rows from the last."""
+    E, R = orthogonal_triangular(N)
+    value, terms = _product(E.T, T), _product(abs(E).T, abs(T))
+    x, size = [], []
+    for i in reversed(range(N.shape[1])):
+        later = R[i, i + 1 :]
+        x_i, size_i = value[i], terms[i]
+        if x:
+            x_i = x_i - _product(later, jnp.stack(x[::-1]))
+            size_i = size_i + _product(abs(later), jnp.stack(size[::-1]))
+        x.append(x_i / R[i, i])
+        size.append(size_i / R[i, i])
+    return jnp.stack(x[::-1]), lax.stop_gradient(jnp.stack(size[::-1]))
+
+
+def _on_scalars(N: Array, T: Array) -> tuple[Array, Array]:
+    """X and the sum of the absolute values of the terms it is made of, on scalars."""
+    E, R = triangularise(columns(N))
+    inverse = [shield(1 / R[i][i]) for i in range(len(R))]
+    absolute = [[lax.abs(x) for x in e] for e in E]
+    solved = [_substituted(R, inverse, E, absolute, t) for t in columns(T)]
+    X, noise = ([[col[part][i] for col in solved] for i in range(len(R))] for part in (0, 1))
+    return from_rows(X), lax.stop_gradient(from_rows(noise))
+
+
+def _substituted(R, inverse, E, absolute, t):
+    """Back substitution of E^T t, and of the absolute values beside it."""
+    m = len(R)
+    x, size = list(inverse), list(inverse)
+    for i in reversed(range(m)):
+        value = inner(E[i], t)
+        terms = inner(absolute[i], [lax.abs(t_k) for t_k in t])
+        for j in range(i + 1, m):
+            value = value - R[i][j] * x[j]
+            terms = terms + lax.abs(R[i][j]) * size[j]
+        x[i], size[i] = value * inverse[i], terms * inverse[i]
+    return x, size
