@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import normal_form
-from jaxcontact.complementarity.inverse import dot, inverse
+from jaxcontact.complementarity.inverse import inverse
 from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import AbsoluteValueEquation
+from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.status import Status
 
 STOP_AT = 4

@@ -21,9 +21,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix, normal_form
-from jaxcontact.complementarity.inverse import dot, inverse
+from jaxcontact.complementarity.inverse import inverse
 from jaxcontact.complementarity.judge import classify
 from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, HorizontalLCP
+from jaxcontact.complementarity.short import dot
 
 AT_A_KINK = 0.5
 """d_i at a degenerate pair: halfway between contact held and contact open."""

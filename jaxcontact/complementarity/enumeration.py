@@ -14,9 +14,10 @@ from jax import lax
 
 from jaxcontact.complementarity.derivative import attach
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
-from jaxcontact.complementarity.inverse import analysed_inverse, dot, first
+from jaxcontact.complementarity.inverse import analysed_inverse
 from jaxcontact.complementarity.judge import acceptable, pair_scales, residuals, slack
 from jaxcontact.complementarity.records import record
+from jaxcontact.complementarity.short import dot, first
 
 LARGEST = 10
 """More contacts than this have more than a thousand modes; the count doubles with each."""

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.complementarity.forms import normal_form
-from jaxcontact.complementarity.inverse import dot
 from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
+from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.status import Status
 
 STOP_AT = 4

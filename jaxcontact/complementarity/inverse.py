@@ -4,24 +4,16 @@ For a singular matrix it returns the inverse of a largest regular block, padded 
 Pivots far below the size of the (balanced) matrix count as zero.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax import lax
 
 from jaxcontact.complementarity.scaling import exponent, power_of_two
+from jaxcontact.complementarity.short import counted, dot, first, greatest, largest, largest_of_rows
 
 PIVOT_FLOOR = 16
 """A pivot below PIVOT_FLOOR * n * eps of the largest balanced entry is rounding, and ends the elimination."""
-
-SCALARS = 4
-"""Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""
-
-UNROLLED = 2
-"""Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop compiles faster."""
 
 
 class Inverse(NamedTuple):
@@ -33,25 +25,6 @@ class Inverse(NamedTuple):
     """int: n minus the numerical rank."""
     condition: jax.Array
     """|K| |G| in the largest-row-sum norm, of the balanced matrix."""
-
-
-def dot(A, x):
-    """A @ x in the full precision of the dtype (accelerators default to less).
-
-    Small products are sums of scalars, which XLA fuses with their surroundings.
-    """
-    if A.ndim == 2 and x.ndim == 1 and A.size and max(A.shape) <= SCALARS:
-        return jnp.stack([sum(A[i, j] * x[j] for j in range(A.shape[1])) for i in range(A.shape[0])])
-    if A.ndim == 1 and x.ndim == 2:
-        return dot(x.T, A)
-    return jnp.matmul(A, x, precision=lax.Precision.HIGHEST)
-
-
-def largest(x):
-    """max |x_i| of a vector; 0 if it is empty, NaN if one entry is."""
-    if 0 < x.size <= SCALARS:
-        return functools.reduce(jnp.maximum, [jnp.abs(x[i]) for i in np.ndindex(*x.shape)])
-    return jnp.max(jnp.abs(x), initial=0)
 
 
 @jax.custom_jvp
@@ -83,16 +56,16 @@ def analysed_inverse(K):
 
 def balanced(K):
     """(B, rows, columns): B_ij = rows_i K_ij columns_j with powers of two, entries below one."""
-    rows = power_of_two(-exponent(jnp.max(jnp.abs(K), axis=1, initial=0)), K.dtype)
+    rows = power_of_two(-exponent(largest_of_rows(K)), K.dtype)
     B = K * rows[:, None]
-    columns = power_of_two(-exponent(jnp.max(jnp.abs(B), axis=0, initial=0)), K.dtype)
+    columns = power_of_two(-exponent(largest_of_rows(B.T)), K.dtype)
     return B * columns[None, :], rows, columns
 
 
 def _gauss_jordan(B):
     """In-place inversion: after n sweeps, T holds the inverse with rows and columns in pivot pairing."""
     n = B.shape[0]
-    floor = PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * jnp.max(jnp.abs(B))
+    floor = PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * largest(B)
     free = jnp.ones(n, bool)
     carry = (B, free, free, jnp.zeros((n, n), B.dtype))
     T, _, _, pairing = counted(n, lambda _, c: _sweep(c, floor), carry)
@@ -103,7 +76,7 @@ def _sweep(carry, floor):
     """Exchange one row with one column at the largest entry left (Jordan exchange), or do nothing below the floor."""
     T, rows_free, columns_free, pairing = carry
     size = jnp.where(rows_free[:, None] & columns_free[None, :], jnp.abs(T), -1)
-    best = jnp.max(size)
+    best = greatest(size, -1)
     across = jnp.max(size, axis=1)
     row = first(across == best)
     column = first((jnp.where(row[:, None], size, -2).max(axis=0) == best) & columns_free)
@@ -120,19 +93,5 @@ def _sweep(carry, floor):
     return jnp.where(go, exchanged, T), *kept, paired
 
 
-def counted(times, advance, carry):
-    """carry after `advance(i, carry)` for i = 0 ... times - 1, unrolled where that is short."""
-    if times > UNROLLED:
-        return lax.fori_loop(0, times, advance, carry)
-    for i in range(times):
-        carry = advance(i, carry)
-    return carry
-
-
-def first(mask):
-    """(n,) bool: the first true entry of a mask, alone."""
-    return mask & (jnp.cumsum(mask.astype(jnp.int32)) == 1)
-
-
 def _row_sum_norm(A):
-    return jnp.max(jnp.sum(jnp.abs(A), axis=1))
+    return largest(jnp.sum(jnp.abs(A), axis=1))

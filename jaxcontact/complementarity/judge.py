@@ -16,9 +16,10 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
-from jaxcontact.complementarity.inverse import SCALARS, analysed_inverse, counted, dot, largest
+from jaxcontact.complementarity.inverse import analysed_inverse
 from jaxcontact.complementarity.problems import LCP, MLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
+from jaxcontact.complementarity.short import counted, dot, largest, largest_of_rows
 from jaxcontact.complementarity.status import Status
 from jaxcontact.linalg import two_product, two_sum
 
@@ -193,7 +194,7 @@ def residuals(problem, form, free, z, w):
 def _residuals_of_slack(problem, form, miss, terms, z, w):
     """eta, rho where w is recomputed: equations first, then complementary pairs."""
     k = form.F.shape[1]
-    diagonal, side = jnp.diagonal(form.P[k:]), _largest_of_rows(form.P[k:])
+    diagonal, side = jnp.diagonal(form.P[k:]), largest_of_rows(form.P[k:])
     t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
     rho = _ratio(jnp.maximum(largest(miss), largest(jnp.minimum(t * z, w))), largest(form.q))
     plain = _backward(miss, terms[:k], terms[k:], z, w)
@@ -218,7 +219,7 @@ def pair_scales(problem, form):
     if isinstance(problem, LCP | MLCP):
         rows = row_exponents(form.P[form.F.shape[1] :])
         return power_of_two(-rows, dtype), power_of_two(rows, dtype)
-    return tuple(power_of_two(exponent(_largest_of_rows(A.T)), dtype) for A in (form.P, form.N))
+    return tuple(power_of_two(exponent(largest_of_rows(A.T)), dtype) for A in (form.P, form.N))
 
 
 def classify(problem, form, z, w):
@@ -235,10 +236,6 @@ def classify(problem, form, z, w):
     part_z, part_w = _ratio(z * scale_z, size_z), _ratio(w * scale_w, size_w)
     active = (part_z > zero) & ((part_w <= zero) | (part_z > part_w))
     return active, (part_z <= zero) & (part_w <= zero)
-
-
-def _largest_of_rows(A):
-    return jnp.stack([largest(row) for row in A]) if 0 < len(A) <= SCALARS else jnp.max(jnp.abs(A), axis=1, initial=0)
 
 
 def _above_zero(x):

@@ -16,10 +16,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxcontact.complementarity.inverse import dot
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import Scaled, scaled
+from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.status import Status
 
 TIE = {"float64": 1e4, "float32": 8}

@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix
-from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, balanced, counted, dot, first
+from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, balanced
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.records import unchecked
+from jaxcontact.complementarity.short import counted, dot, first
 
 RELUCTANCE = 2.0**-6
 """P_j is chosen over N_j, and a row of D over one of A, only for a pivot 1 / RELUCTANCE times larger: the basis of all

@@ -11,6 +11,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.complementarity.short import greatest, largest_of_rows
+
 EXPONENT_MARGIN = 2
 """Exponents stay this far from the ends of the format, where subnormal numbers lose digits."""
 
@@ -50,7 +52,7 @@ def _largest_exponent(x, shift):
     """int: exponent of the largest |x| 2^shift, found without forming numbers that might overflow; 0 if x is 0."""
     usable = (x != 0) & jnp.isfinite(x)
     least = jnp.iinfo(shift.dtype).min
-    largest = jnp.max(jnp.where(usable, exponent(x) + shift, least))
+    largest = greatest(jnp.where(usable, exponent(x) + shift, least), least)
     return jnp.where(largest == least, 0, largest)
 
 
@@ -58,7 +60,7 @@ def row_exponents(M):
     """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 2). Where M_ii <= 0 the
     largest entries of row and column stand in, and a zero row and column leaves e = 0."""
     diagonal = jnp.diagonal(M)
-    across, down = jnp.max(jnp.abs(M), axis=1, initial=0), jnp.max(jnp.abs(M), axis=0, initial=0)
+    across, down = largest_of_rows(M), largest_of_rows(M.T)
     one_sided = jnp.where(across > 0, exponent(across), exponent(down))
     both = (exponent(across) + exponent(down)) // 2
     fallback = jnp.where((across > 0) & (down > 0), both, one_sided)

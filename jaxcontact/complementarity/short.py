@@ -1,0 +1,56 @@
+"""Products, maxima and loops of short vectors, written so that a batch of them stays one fused loop."""
+
+import functools
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+SCALARS = 4
+"""Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""
+
+UNROLLED = 2
+"""Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop compiles faster."""
+
+
+def dot(A, x):
+    """A @ x in the full precision of the dtype (accelerators default to less).
+
+    Small products are sums of scalars, which XLA fuses with their surroundings.
+    """
+    if A.ndim == 2 and x.ndim == 1 and A.size and max(A.shape) <= SCALARS:
+        return jnp.stack([sum(A[i, j] * x[j] for j in range(A.shape[1])) for i in range(A.shape[0])])
+    if A.ndim == 1 and x.ndim == 2:
+        return dot(x.T, A)
+    return jnp.matmul(A, x, precision=lax.Precision.HIGHEST)
+
+
+def largest(x):
+    """max |x_i| over an array; 0 if it is empty, NaN if one entry is."""
+    return greatest(jnp.abs(x), 0)
+
+
+def greatest(x, initial):
+    """The largest entry of an array, or `initial` if that is larger or there is none; NaN if one entry is."""
+    if 0 < x.size <= SCALARS:
+        return functools.reduce(jnp.maximum, [x[i] for i in np.ndindex(*x.shape)], jnp.array(initial, x.dtype))
+    return jnp.max(x, initial=initial)
+
+
+def largest_of_rows(A):
+    """(n,) max_j |A_ij|; 0 where there is no column."""
+    return jnp.stack([largest(row) for row in A]) if 0 < len(A) <= SCALARS else jnp.max(jnp.abs(A), axis=1, initial=0)
+
+
+def counted(times, advance, carry):
+    """carry after `advance(i, carry)` for i = 0 ... times - 1, unrolled where that is short."""
+    if times > UNROLLED:
+        return lax.fori_loop(0, times, advance, carry)
+    for i in range(times):
+        carry = advance(i, carry)
+    return carry
+
+
+def first(mask):
+    """(n,) bool: the first true entry of a mask, alone."""
+    return mask & (jnp.cumsum(mask.astype(jnp.int32)) == 1)
