@@ -11,7 +11,6 @@ The determinants of all vertices share their eliminations: 2 + 4 + ... + 2^k piv
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
