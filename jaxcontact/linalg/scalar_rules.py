@@ -1,5 +1,6 @@
 """What the reader of programs knows of each operation: how entries move, what folds, what may become infinite."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -75,29 +76,23 @@ def _broadcast(aval, params, x):
     return _moved(aval, x, np.broadcast_to(places(x).reshape(shape), aval.shape))
 
 
-def _concatenate(aval, params, *parts):
-    flat, offset, blocks = [], 0, []
-    for part in parts:
-        blocks.append(places(part) + offset)
-        offset += len(part.flat)
-        flat += part.flat
-    return _moved(aval, Entries((), aval.dtype, flat), np.concatenate(blocks, axis=params["dimension"]))
+def _joined(join: Callable, axis: str) -> Callable:
+    """The rule of an operation that joins arrays along the axis named by a parameter."""
 
+    def rule(aval, params, *parts):
+        flat = [entry for part in parts for entry in part.flat]
+        starts = np.cumsum([0, *(len(part.flat) for part in parts)])
+        blocks = [places(part) + start for part, start in zip(parts, starts)]
+        return _moved(aval, Entries((), aval.dtype, flat), join(blocks, axis=params[axis]))
 
-def _stack(aval, params, *parts):
-    flat, offset, blocks = [], 0, []
-    for part in parts:
-        blocks.append(places(part) + offset)
-        offset += len(part.flat)
-        flat += part.flat
-    return _moved(aval, Entries((), aval.dtype, flat), np.stack(blocks, axis=params["axis"]))
+    return rule
 
 
 STRUCTURE = {
     "slice": _slice,
     "broadcast_in_dim": _broadcast,
-    "concatenate": _concatenate,
-    "stack": _stack,
+    "concatenate": _joined(np.concatenate, "dimension"),
+    "stack": _joined(np.stack, "axis"),
     "squeeze": lambda aval, params, x: _moved(aval, x, places(x)),
     "expand_dims": lambda aval, params, x: _moved(aval, x, places(x)),
     "reshape": lambda aval, params, x: _moved(aval, x, places(x)),
