@@ -109,7 +109,7 @@ def test_dependent_contacts_are_flagged_and_what_is_determined_is_differentiated
 def test_implicit_differentiates_every_kind_of_problem():
     A, B, w = jnp.array([[3.0, 1.0], [0.0, 2.0]]), jnp.array([[0.5, 0.0], [0.25, 0.5]]), jnp.array([-2.0, 3.0])
     x = solve(AbsoluteValueEquation(A, B, w), Lemke()).free
-    expected = -np.linalg.inv(A - B * np.sign(x))
+    expected = -np.linalg.inv(np.asarray(A) - np.asarray(B) * np.sign(np.asarray(x)))
     np.testing.assert_allclose(
         jax.jacfwd(lambda w: implicit(AbsoluteValueEquation(A, B, w), x))(w), expected, rtol=1e-14
     )
@@ -129,6 +129,6 @@ def test_implicit_differentiates_every_kind_of_problem():
 
 
 def test_forward_and_reverse_agree_through_vmap():
-    q = jnp.asarray(Q) + jnp.linspace(-0.1, 0.1, 5)[:, None]
+    q = jnp.asarray(Q + np.linspace(-0.1, 0.1, 5)[:, None])
     loss = lambda M: jnp.sum(jax.vmap(lambda q: z_of(M, q))(q) ** 2)  # noqa: E731
     np.testing.assert_allclose(jax.jacfwd(loss)(jnp.asarray(M)), jax.grad(loss)(jnp.asarray(M)), rtol=1e-13)

@@ -100,8 +100,8 @@ def test_gauss_seidel_reports_the_residual_of_what_it_returns(dtype):
 
 
 def test_gauss_seidel_out_of_budget_is_not_called_solved():
-    M, q = circulant(3, None or np.random.default_rng(0))[0], -np.ones(3)
-    answer = solve(LCP(M, q), ProjectedGaussSeidel(sweeps=200))  # cycles: numerics of the circulant family
+    M, q = circulant(3, np.random.default_rng(0))[0], -np.ones(3)
+    answer = solve(LCP(M, q), ProjectedGaussSeidel(sweeps=200))  # Gauss-Seidel cycles
     assert answer.status == Status.MAX_STEPS
     assert np.isnan(answer.z).all()
     assert np.isfinite(answer.attempt).all()
@@ -133,12 +133,10 @@ def test_banach_contracts_with_the_printed_rate():
     rate = contraction_rate(problem)
     np.testing.assert_allclose(rate, abs(B[0, 0] / A[0, 0]), rtol=1e-15)
     exact = 1 / (A - B)[0, 0]
-    budgets = [1, 2, 3, 4]
-    errors = [abs(solve(problem, Banach(iterations=n)).attempt[0] - exact) for n in budgets]
     answer = solve(problem, Banach())
     np.testing.assert_allclose(answer.free, exact, rtol=1e-14)
-    assert answer.steps <= np.log(EPS) / np.log(rate) + 2
-    assert len(errors) == len(budgets)
+    # the start is off by one rate, each step gains another, the stop is a few roundings of size one
+    assert int(answer.steps) <= np.log(EPS) / np.log(float(rate)) + 2
 
 
 @pytest.mark.parametrize("method", [Lemke(), Banach()])

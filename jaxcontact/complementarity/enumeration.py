@@ -113,8 +113,10 @@ def _solved_mode(problem, form, mode):
     x = -dot(found.matrix, form.q)
     x = x - dot(found.matrix, dot(K, x) + form.q)
     sign = jnp.concatenate([jnp.zeros(k, x.dtype), jnp.where(mode, 1, -1).astype(x.dtype)])
-    line = _null_vector(K, found)
-    shift, length = _stretch(sign * x, sign * line)
+    kernel = _kernel(K, found)
+    heights = jnp.max(jnp.abs(kernel), axis=0, initial=0)
+    line = jnp.sum(jnp.where(first(heights == jnp.max(heights, initial=0))[None, :], kernel, 0), axis=1)
+    shift, _ = _stretch(sign * x, sign * line)
     x = jnp.where(found.deficiency == 1, x + shift * line, x)
     size = jnp.maximum(sign * x, 0)[k:]
     free, z, w = x[:k], jnp.where(mode, size, 0), jnp.where(mode, 0, size)
@@ -123,8 +125,11 @@ def _solved_mode(problem, form, mode):
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
     holds = inside & acceptable(*residuals(problem, form, free, z, w), x.dtype)
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
-    doubt = (found.deficiency > 1) & ~holds & consistent
-    family = (found.deficiency > 1) | ((found.deficiency == 1) & (length > MERGE_BOUND * (k + m) * eps))
+    stretches = jax.vmap(lambda column: _stretch(sign * x, sign * column)[1], 1)(kernel)
+    family = jnp.any((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0))
+    one_signed = jnp.any(jnp.all(K * sign[None, :] > 0, axis=1) | jnp.all(K * sign[None, :] < 0, axis=1))
+    lone = holds & one_signed & (jnp.max(size, initial=0) == 0)
+    doubt = (found.deficiency > 1) & consistent & ~(holds & family) & ~lone
     radius = MERGE_BOUND * eps * found.condition
     return free, z, slack(problem, form, free, z, w), holds, family, doubt, radius
 
@@ -133,16 +138,13 @@ def _miss(K, x, q):
     return jnp.max(jnp.abs(dot(K, x) + q), initial=0)
 
 
-def _null_vector(K, found):
-    """(n,) the largest column of I - G K: it spans the kernel of K if that is a line; zero for a regular K."""
+def _kernel(K, found):
+    """(n, n) I - G K: its columns span the kernel of K, entries at rounding level removed; zero for a regular K."""
     n = K.shape[0]
-    if n == 0:
-        return jnp.zeros(0, K.dtype)
     kernel = jnp.eye(n, dtype=K.dtype) - dot(found.matrix, K)
-    heights = jnp.max(jnp.abs(kernel), axis=0)
-    column = jnp.sum(jnp.where(first(heights == jnp.max(heights))[None, :], kernel, 0), axis=1)
-    column = jnp.where(jnp.abs(column) > NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * jnp.max(jnp.abs(column)), column, 0)
-    return jnp.where(found.deficiency > 0, column, 0)
+    floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * jnp.max(jnp.abs(kernel), axis=0, initial=0)
+    kernel = jnp.where(jnp.abs(kernel) > floor[None, :], kernel, 0)
+    return jnp.where(found.deficiency > 0, kernel, 0)
 
 
 def _stretch(y, line):
@@ -153,7 +155,9 @@ def _stretch(y, line):
     low = jnp.max(jnp.where(rising, at, -jnp.inf), initial=-jnp.inf)
     high = jnp.min(jnp.where(falling, at, jnp.inf), initial=jnp.inf)
     t = jnp.where(jnp.isfinite(low), low, jnp.where(jnp.isfinite(high), high, 0))
+    steepest = jnp.max(jnp.abs(line), initial=0)
     size = jnp.max(jnp.where(line == 0, 0, jnp.abs(at)), initial=0)
+    size = jnp.maximum(size, jnp.max(jnp.abs(y), initial=0) / jnp.where(steepest > 0, steepest, 1))
     return t, jnp.where(high - low > 0, (high - low) / jnp.where(size > 0, size, 1), -1)
 
 

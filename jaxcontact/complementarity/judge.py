@@ -33,7 +33,7 @@ a quarter of the digits must remain."""
 DEGENERACY_BOUND = 64
 """z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
 
-CERTIFICATE_BOUND = 8
+CERTIFICATE_BOUND = 64
 """Sign errors of a certificate, relative to its load, may be CERTIFICATE_BOUND times the rounding of the products."""
 
 CONDITION_BOUND = 1 / 64
