@@ -44,6 +44,8 @@ def test_impossible_states_and_masses_are_refused():
         contact_forces(Bead(mass=-1.0), Bead().state())
     with pytest.raises(TypeError, match="method"):
         contact_forces(ROD, SLIDING, [0.1], "Lemke")
+    with pytest.raises(TypeError, match="State"):
+        contact_forces(ROD, (SLIDING.q, SLIDING.v), [0.1])
 
 
 def test_a_negative_mass_along_a_constraint_is_no_mass():

@@ -86,6 +86,8 @@ def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method
             matrix that does not determine the acceleration.
         TypeError: the mechanism lacks a method or one returns a wrong shape; `method` is none.
     """
+    if not isinstance(state, State) or not hasattr(mechanism, "contacts"):
+        raise TypeError(f"expected a mechanism and its State, got {type(mechanism).__name__}, {type(state).__name__}")
     mu = coefficients(mechanism.contacts, mu, state.q.dtype)
     method = _cheapest(mechanism.contacts) if method is None else method
     if not is_concrete((mechanism, state, mu)):
