@@ -10,7 +10,7 @@ from jax import Array, lax
 
 from .. import linalg
 from ..complementarity import Direct, Lemke, Solution, Status, solve
-from ..dynamics import Contact, Delassus, State, Terms, terms
+from ..dynamics import Contact, Delassus, State, Terms, terms, whitened
 from ..dynamics.numbers import is_concrete
 from ..dynamics.sound import refuse_unsound
 from .law import coefficients, stands_still
@@ -19,7 +19,6 @@ from .residuals import Motion, Residuals, residuals
 from .sliding import Sliding, contradiction, length_of, normal_forces, sliding, sort_contacts, with_sign
 from .soundness import harmless, is_sound, without_idle_directions
 from .span import dependence
-from .whitening import whitened
 
 ROUNDING = 1024
 """SOLVED requires every residual of the mechanics below ROUNDING (n + m) eps: 1e-12 in float64 for five unknowns."""

@@ -6,17 +6,14 @@ import jax.numpy as jnp
 from jax import Array
 
 from ..dynamics import Contact, State, Terms
-from ..dynamics.sound import OFF_CONSTRAINT
+from ..dynamics.sound import closed_and_kept
 
 
 def is_sound(contacts: tuple[Contact, ...], parts: Terms, state: State, mu: Array) -> Array:
     """bool: all numbers are finite, the coefficients of friction are possible, and every gap is closed and stays so."""
     numbers = (parts.M, parts.F, parts.G, parts.H, parts.c, parts.slip, parts.gap, parts.gap_rate, state.q, state.v, mu)
     finite = jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]).all()
-    share = float(jnp.finfo(parts.gap.dtype).eps) ** OFF_CONSTRAINT
-    steep = jnp.sum(jnp.abs(parts.G), axis=0)
-    closed = jnp.abs(parts.gap) <= share * steep * jnp.max(jnp.abs(state.q), initial=0)
-    kept = jnp.abs(parts.gap_rate) <= share * steep * jnp.max(jnp.abs(state.v), initial=0)
+    closed, kept = closed_and_kept(parts, state)
     return finite & jnp.all(closed) & jnp.all(kept)
 
 

@@ -1,6 +1,6 @@
 """From a mechanism to what its contacts feel: terms, whitened Jacobians, Delassus operators. Knows no solving."""
 
-from .delassus import Delassus, delassus, delassus_from_matrices
+from .delassus import Delassus, delassus, delassus_from_matrices, whitened
 from .mechanism import coordinates_of, mechanism, parameter, static
 from .records import Contact, Coordinate, State
 from .schur import BilateralSchur, bilateral_schur, without_frictionless_bilateral
@@ -21,5 +21,6 @@ __all__ = [
     "parameter",
     "static",
     "terms",
+    "whitened",
     "without_frictionless_bilateral",
 ]

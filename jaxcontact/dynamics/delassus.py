@@ -125,7 +125,7 @@ def delassus(mechanism: Any, state: State) -> Delassus:
 @partial(jax.jit, inline=True)
 def assemble(mechanism: Any, state: State) -> Delassus:
     """`delassus` without the checks of its door; one compiled program also when it is differentiated eagerly."""
-    return linalg.fused(lambda g, s: _whitened(terms(g, s), g.contacts))(mechanism, state)
+    return linalg.fused(lambda g, s: whitened(terms(g, s), g.contacts))(mechanism, state)
 
 
 def delassus_from_matrices(W: Array, Wt: Array, w: Array | None = None, *, contacts: tuple[Contact, ...]) -> Delassus:
@@ -167,8 +167,11 @@ def select(x: Array, indices: Sequence[int]) -> Array:
     return jnp.stack([x[i] for i in indices]) if indices else x[:0]
 
 
-def _whitened(parts: Terms, contacts: tuple[Contact, ...]) -> Delassus:
-    """L L^T = M; N = L^-1 G, T = L^-1 H, w = c - N^T L^-1 F."""
+def whitened(parts: Terms, contacts: tuple[Contact, ...]) -> Delassus:
+    """The operators of given terms: L L^T = M, N = L^-1 G, T = L^-1 H, w = c - N^T L^-1 F.
+
+    `whitened(terms(guides, state), guides.contacts)`
+    """
     L = linalg.cholesky(parts.M)
     N, T = linalg.solve_lower(L, parts.G), linalg.solve_lower(L, parts.H)
     free = linalg.solve_lower(L, parts.F)

@@ -3,23 +3,24 @@
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from .records import State
 
 OFF_CONSTRAINT = 0.5
-"""A gap counts as open beyond eps**OFF_CONSTRAINT times the size of the terms that make it up: half the digits."""
+"""A gap counts as open beyond eps**OFF_CONSTRAINT times what its terms may add up to: half the digits."""
 
 
 def refuse_unsound(mechanism: Any, state: State, operators: Any, energy_at_rest: Any) -> None:
     """Raise ValueError for a state or a mechanism outside the theory: what came, what was expected, what to write."""
     owner = type(mechanism).__name__
     parts = jax.tree.map(np.asarray, operators.terms)
-    q, v = np.asarray(state.q), np.asarray(state.v)
     _refuse_nan(owner, mechanism, state)
     if not np.isfinite(parts.M).all() or not np.isfinite(np.asarray(operators.L)).all():
         raise ValueError(
-            f"{owner}: the mass matrix at q = {q} is not positive definite:\n{parts.M}\n"
+            f"{owner}: the mass matrix at q = {np.asarray(state.q)} is not positive definite:\n{parts.M}\n"
             "check the signs of masses and inertias, and that every coordinate carries mass"
         )
     if abs(float(energy_at_rest)) > 0:
@@ -28,7 +29,7 @@ def refuse_unsound(mechanism: Any, state: State, operators: Any, energy_at_rest:
             "put terms without velocity into potential_energy or applied_force"
         )
     _refuse_undefined(owner, mechanism, parts)
-    _refuse_open(owner, mechanism, parts, q, v)
+    _refuse_open(owner, mechanism, parts, state)
 
 
 def _refuse_nan(owner: str, mechanism: Any, state: State) -> None:
@@ -50,17 +51,23 @@ def _refuse_undefined(owner: str, mechanism: Any, parts: Any) -> None:
             )
 
 
-def _refuse_open(owner: str, mechanism: Any, parts: Any, q: np.ndarray, v: np.ndarray) -> None:
-    """Gaps must be closed, and bilateral ones stay so, within rounding of the terms that make them up."""
-    tolerance = float(np.finfo(q.dtype).eps) ** OFF_CONSTRAINT
-    size, rate_size = np.abs(q) @ np.abs(parts.G), np.abs(v) @ np.abs(parts.G)
+def closed_and_kept(parts: Any, state: State) -> tuple[Array, Array]:
+    """(m,), (m,) bool: the gap is closed; it stays so. Both within half the digits of what its terms may add up to."""
+    share = float(jnp.finfo(parts.gap.dtype).eps) ** OFF_CONSTRAINT
+    steep = jnp.sum(jnp.abs(parts.G), axis=0)
+    closed = jnp.abs(parts.gap) <= share * steep * jnp.max(jnp.abs(state.q), initial=0)
+    return closed, jnp.abs(parts.gap_rate) <= share * steep * jnp.max(jnp.abs(state.v), initial=0)
+
+
+def _refuse_open(owner: str, mechanism: Any, parts: Any, state: State) -> None:
+    closed, kept = closed_and_kept(parts, state)
     for k, contact in enumerate(mechanism.contacts):
-        if abs(parts.gap[k]) > tolerance * max(size[k], np.abs(parts.gap).max() * (size[k] == 0)):
+        if not closed[k]:
             raise ValueError(
                 f"{owner}: contact {contact.name!r} is not closed at this state, its gap is {parts.gap[k]:.3g} m; "
                 f"take the state from {owner}.state(...), or leave an open contact out"
             )
-        if abs(parts.gap_rate[k]) > tolerance * rate_size[k]:
+        if not kept[k]:
             raise ValueError(
                 f"{owner}: contact {contact.name!r} opens or closes at {parts.gap_rate[k]:.3g} m/s; a persistent "
                 "contact needs velocities along the constraints"
