@@ -57,14 +57,16 @@ def _largest_exponent(x, shift):
 
 
 def row_exponents(M):
-    """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 2). Where M_ii <= 0 the
-    largest entries of row and column stand in, and a zero row and column leaves e = 0."""
+    """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 4). Where M_ii <= 0 the
+    largest entries of row and column stand in. The parity of the first row goes into every row, so that M 2^a moves all
+    e alike for odd a too."""
     diagonal = jnp.diagonal(M)
     across, down = largest_of_rows(M), largest_of_rows(M.T)
     one_sided = jnp.where(across > 0, exponent(across), exponent(down))
     both = (exponent(across) + exponent(down)) // 2
     fallback = jnp.where((across > 0) & (down > 0), both, one_sided)
-    return -(jnp.where(diagonal > 0, exponent(diagonal), fallback) // 2)
+    sizes = jnp.where(diagonal > 0, exponent(diagonal), fallback)
+    return -((sizes - sizes[:1] % 2) // 2)
 
 
 def exponent(x):
