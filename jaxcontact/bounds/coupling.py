@@ -11,17 +11,18 @@ NOISE = 16
 """Roundings of the terms that make up an entry of X, below which it counts as zero."""
 
 DEPENDENT = 32
-"""A gap gradient counts as dependent on the earlier ones when no more than this many roundings of its length are left."""
+"""A gap gradient counts as dependent on the earlier ones when at most this many roundings of its length are left."""
 
 SCALAR_COLUMNS = 2
-"""Up to this many contacts the algebra is on scalars and fuses; beyond, on arrays, which compile in a tenth of the time."""
+"""Up to this many contacts the algebra is on scalars and fuses; beyond, on arrays, which compile much sooner."""
 
 
 def coupling(N: Array, T: Array) -> Array:
     """X (m, k) with N^T N X = N^T T for N (n, m) of full rank and T (n, k): the least-squares coefficients of T on N.
 
-    With N = E R, E orthonormal, X = R^-1 E^T T: the error is that of the condition of N, half the digits of W's. An entry
-    within rounding of zero is zero, since r = inf ("never lost") hangs on which entries vanish; its derivative stays.
+    With N = E R, E orthonormal, X = R^-1 E^T T: the error is that of the condition of N, half the digits of W's. An
+    entry within rounding of zero is zero, since r = inf ("never lost") hangs on which entries vanish; its derivative
+    stays.
 
     `coupling(here.N, here.T)`
     """
@@ -48,7 +49,7 @@ def dependent(N: Array) -> Array:
 
 
 def square_factors(N: Array, T: Array) -> tuple[Array, Array]:
-    """(R (m, m), Z (m, k)) with the products of N and T: R^T R = N^T N and R^T Z = N^T T, for every choice of columns."""
+    """(R (m, m), Z (m, k)) with the same products: R^T R = N^T N and R^T Z = N^T T, for every choice of columns."""
     if N.shape[0] == N.shape[1]:
         return N, T
     E, R = orthogonal_triangular(N)
@@ -56,7 +57,7 @@ def square_factors(N: Array, T: Array) -> tuple[Array, Array]:
 
 
 def orthogonal_triangular(N: Array) -> tuple[Array, Array]:
-    """(E (n, m), R (m, m)): N = E R by modified Gram-Schmidt, every projection done twice; no library call, so it batches.
+    """(E (n, m), R (m, m)): N = E R by modified Gram-Schmidt, every projection done twice; without a library call.
 
     A zero column, and one that depends on the earlier ones exactly, gives zeros in E and in the diagonal of R.
     """

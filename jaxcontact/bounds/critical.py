@@ -16,14 +16,14 @@ CLOSED_FORM = 2
 
 
 def critical(operators: Delassus, ratio: Array | None = None, most_vertices: int = MOST_VERTICES) -> Array:
-    """The supremum of r such that for every load, every sign of sliding and all |mu_i| <= r ratio_i there is exactly one
-    solution of the sliding problem.
+    """The supremum of r such that for every load, every sign of sliding and all |mu_i| <= r ratio_i the sliding problem
+    has exactly one solution.
 
     Exact, for bilateral, unilateral and mixed contacts alike: r = 1 / max over the sets I of closed contacts (all
-    bilateral ones and any choice of unilateral ones) of the sign-real spectral radius of W_I^-1 Wt_I diag(ratio). Proof:
-    uniqueness for every load is the column W-property, the determinants of W_I - r Wt_I S being positive for all
-    signatures S (Sznajder & Gowda, Linear Algebra Appl. 223 (1995) 695-715); they are multi-affine in friction. With two
-    frictional guides: r = cot theta for PainleveKlein.
+    bilateral ones and any choice of unilateral ones) of the sign-real spectral radius of W_I^-1 Wt_I diag(ratio).
+    Proof: uniqueness for every load is the column W-property, the determinants of W_I - r Wt_I S being positive for all
+    signatures S (Sznajder & Gowda, Linear Algebra Appl. 223 (1995) 695-715); they are multi-affine in friction. With
+    two frictional guides: r = cot theta for PainleveKlein.
 
     `critical(delassus(guides, guides.state(theta=0.9)))`
 

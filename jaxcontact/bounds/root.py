@@ -14,11 +14,11 @@ def sign_change(
 ) -> tuple[Array, Array]:
     """(x, note): the function is negative below x and positive above; it returns its value and an integer to note.
 
-    Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without using
-    derivatives", Adv. Eng. Software 28 (1997) 145-149: inverse quadratic interpolation where the three last points allow
-    it, else bisection. Ends when the bracket is two roundings of x, or `floor`, wide. The note is that of the last point
-    where the function was not positive, or of the last point. The ends are not evaluated: their signs are known. No
-    derivative.
+    Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without
+    using derivatives", Adv. Eng. Software 28 (1997) 145-149: inverse quadratic interpolation where the three last
+    points allow it, else bisection. Ends when the bracket is two roundings of x, or `floor`, wide. The note is that of
+    the last point where the function was not positive, or of the last point. The ends are not evaluated: their signs
+    are known. No derivative.
 
     `sign_change(lambda x: (x * x - 2, jnp.int32(x)), jnp.float32(0), jnp.float32(2), jnp.float32(0))`
     """

@@ -3,10 +3,10 @@
 Rump, "Theorems of Perron-Frobenius type for matrices without sign restrictions", Linear Algebra Appl. 266 (1997) 1-42.
 1 / radius is the largest r such that I - r X D is regular for every diagonal |D| <= 1, which is how friction enters.
 
-The set of r for which every vertex determinant det(I - r X S) is positive is an interval from 0, since the box of D only
-grows. So the radius is the one sign change of the smallest vertex determinant, found by a bracketing root finder: no
-eigenvalue has to be told real from nearly real, no other eigenvalue matters, and the same program runs on any device.
-The determinants of all vertices share their eliminations: 2 + 4 + ... + 2^k pivots.
+The set of r for which every vertex determinant det(I - r X S) is positive is an interval from 0, since the box of D
+only grows. So the radius is the one sign change of the smallest vertex determinant, found by a bracketing root
+finder: no eigenvalue has to be told real from nearly real, no other eigenvalue matters, and the same program runs on
+any device. The determinants of all vertices share their eliminations: 2 + 4 + ... + 2^k pivots.
 """
 
 from typing import NamedTuple
@@ -103,8 +103,9 @@ def radius_in_box(X: Array, box: Box) -> tuple[Array, Array]:
 def _determinants(X: Array, value: Array, box: Box) -> Array:
     """det(value - X D) at the 2^k vertices, ordered as `_vertices`.
 
-    Eliminating the first index of value - X D with D_1 = s leaves value - X' D' with X' = X + s X_i1 X_1j / (value - s X_11):
-    the remaining signs stay undecided. Above the root all pivots are positive; below it some determinant is negative.
+    Eliminating the first index of value - X D with D_1 = s leaves value - X' D', where X' = X + s X_i1 X_1j / pivot and
+    pivot = value - s X_11: the remaining signs stay undecided. Above the root all pivots are positive; below it some
+    determinant is negative.
     """
     rows = [[x[None] for x in row] for row in entries(X)]
     found = jnp.ones((1,), X.dtype)

@@ -16,7 +16,7 @@ from .ratio import ratio_of
 from .sign_real import Box, balanced, radius_in_box
 
 MOST_VERTICES = 20_000
-"""Vertices that are looked at without being asked to: 14 bilateral or 9 unilateral frictional contacts, some ms each."""
+"""Vertices looked at without being asked to: 14 bilateral or 9 unilateral frictional contacts, some ms each."""
 
 SLICED_SETS = 32
 """Up to this many sets of contacts are taken as slices, which XLA fuses; beyond, as one gather."""
@@ -81,9 +81,9 @@ def reduced(operators: Delassus, ratio: Array | None) -> Reduced:
 
 
 def largest_vertex(problem: Reduced, xi: Array | None = None) -> tuple[Array, Array, Array]:
-    """(lambda, closed (m,), S (m,)): the set and signs with the largest eigenvalue, through every vertex. No derivative.
+    """(lambda, closed (m,), S (m,)): the set and signs with the largest eigenvalue, of all vertices. No derivative.
 
-    Each set is a box of D, |D| <= 1; with `xi` (m,) friction at unilateral contacts points one way, D between 0 and xi.
+    Each set is a box of D, |D| <= 1; with `xi` (m,) friction at unilateral contacts points one way, D in [0, xi].
     """
     N, T = square_factors(*jax.lax.stop_gradient((problem.N, problem.T)))
     m = len(problem.kept)
