@@ -2,11 +2,25 @@
 
 from collections.abc import Callable
 
+from .certify import Certificate, certify
+from .classes import (
+    Membership,
+    Verdict,
+    beta,
+    column_w,
+    copositive,
+    error_constant,
+    p_matrix,
+    positive_definite,
+)
 from .critical import critical, critical_for_signs
+from .explain import explain
 from .ladder import best_scaling, operator_norm, perron, positive_definite_radius, sharper_direct
 from .norm_ratio import norm_ratio
 from .proposition14 import prop14
 from .propositions import direct, prop9a, prop9b, prop10, prop11, prop12, prop13, prop15
+from .redundancy import Redundancy, determined_by_constraints, redundancy
+from .sliding_class import guaranteed_error, lipschitz, uniqueness
 from .slopes import Slopes, slopes
 
 _BOUNDS = (
@@ -35,15 +49,30 @@ def by_name() -> dict[str, Callable]:
 
 
 __all__ = [
+    "Certificate",
+    "Membership",
+    "Redundancy",
     "Slopes",
+    "Verdict",
     "best_scaling",
+    "beta",
     "by_name",
+    "certify",
+    "column_w",
+    "copositive",
     "critical",
     "critical_for_signs",
+    "determined_by_constraints",
     "direct",
+    "error_constant",
+    "explain",
+    "guaranteed_error",
+    "lipschitz",
     "norm_ratio",
     "operator_norm",
+    "p_matrix",
     "perron",
+    "positive_definite",
     "positive_definite_radius",
     "prop9a",
     "prop9b",
@@ -53,6 +82,8 @@ __all__ = [
     "prop13",
     "prop14",
     "prop15",
+    "redundancy",
     "sharper_direct",
     "slopes",
+    "uniqueness",
 ]
