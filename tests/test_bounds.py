@@ -9,6 +9,7 @@ from reference import table, tables
 
 import jaxcontact as jc
 from jaxcontact.bounds import by_name, norm_ratio, slopes
+from jaxcontact.bounds.proposition14 import _Blocks
 from jaxcontact.mechanisms import (
     ArticulatedPainleveKlein,
     FlexiblePainleveKlein,
@@ -183,7 +184,8 @@ CLOSED = {
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("scene", CLOSED)
 def test_value_and_slope_hold_to_the_ends_of_the_angle(scene, dtype):
-    """At theta = 1e-5, pi/2 - 1e-5 and between: relative to the bound, and the slope relative to itself plus the bound."""
+    """At theta = 1e-5, pi/2 - 1e-5 and between: relative to the bound, and the slope relative to itself plus the
+    bound."""
     mechanism, name, fixed, closed = CLOSED[scene]
     theta = np.array([1e-5, 1e-3, 0.1, 0.5, 0.9, 1.2, 1.5, np.pi / 2 - 1e-3, np.pi / 2 - 1e-5]).astype(dtype)
 
@@ -265,7 +267,8 @@ def test_kinks_are_seen_with_their_tabled_one_sided_slopes(case):
 
 
 def test_along_the_straight_links_there_is_a_kink_across_and_none_along():
-    """Mathematics 3(f): at theta_1 = theta_2 = 0.7 one-sided slopes -+0.36199 along (1, -1)/sqrt 2, smooth along (1, 1)."""
+    """Mathematics 3(f): at theta_1 = theta_2 = 0.7 one-sided slopes -+0.36199 along (1, -1)/sqrt 2, smooth along (1,
+    1)."""
     links = ArticulatedPainleveKlein()
 
     def family(angles):
@@ -374,3 +377,35 @@ def test_operators_from_matrices_give_the_bound_of_the_fixture():
     np.testing.assert_allclose(norm_ratio(here), fixture["prop10"], rtol=BAR["float64"])
     with pytest.raises(ValueError, match="needs G and H"):
         jc.bounds.prop9b(here)
+
+
+def test_the_perturbation_of_proposition_14_is_the_difference_it_stands_for():
+    """M_ub^mu - M_ub^0 with both matrices formed from (62) and (63) as defined, on a random mixed problem."""
+    rng = np.random.default_rng(0)
+    kinds = [jc.Contact(name, kind, True) for name, kind in zip("abcd", ["bilateral", "unilateral"] * 2)]
+    N, T = rng.normal(size=(6, 4)), rng.normal(size=(6, 4))
+    here = jc.delassus_from_matrices(N.T @ N, N.T @ T, contacts=tuple(kinds))
+    d = 0.1 * np.array([1.0, -1.0, -1.0, 1.0])
+    b, u = [0, 2], [1, 3]
+
+    def block(rows, columns, sign=1.0):
+        return N[:, rows].T @ (N[:, columns] - sign * T[:, columns] * d[columns])
+
+    def M_ub(friction):
+        A, A_bar = block(b, b, friction), block(b, b, -friction)
+        B, C, C_bar, D = block(b, u, friction), block(u, b, friction), block(u, b, -friction), block(u, u, friction)
+        inverse = np.linalg.inv(A)
+        return np.block([[inverse @ A_bar, -inverse @ B], [C @ inverse @ A_bar - C_bar, D - C @ inverse @ B]])
+
+    found = _Blocks(here).perturbation(jnp.asarray(d))
+    np.testing.assert_allclose(found, M_ub(1.0) - M_ub(0.0), rtol=1e-11, atol=1e-12)  # W has condition of about 1e2
+
+
+@pytest.mark.parametrize("bound", [jc.bounds.prop9b, jc.bounds.prop14, jc.bounds.direct], ids=lambda b: b.__name__)
+@pytest.mark.parametrize("mechanism", [PainleveKlein(), GuidedRodUnderCeiling(), RodBetweenFloorAndCeiling()])
+def test_single_precision_keeps_its_digits_to_the_ends_of_the_angle(mechanism, bound):
+    """Against float64 at the same rounded angle, which the tables vouch for."""
+    theta = np.array([1e-5, 0.1, 0.5, 0.9, 1.2, 1.5, np.pi / 2 - 1e-5]).astype("float32")
+    low = np.asarray(on_grid(mechanism, bound, theta=theta), float)
+    high = np.asarray(on_grid(mechanism, bound, theta=theta.astype(float)))
+    np.testing.assert_allclose(low, high, rtol=BAR["float32"])

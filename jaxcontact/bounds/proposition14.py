@@ -11,11 +11,15 @@ from jax import Array, lax
 from .. import linalg
 from ..dynamics import Delassus
 from ..dynamics.delassus import select, select_columns
+from .coupling import coupling
 from .norm_ratio import norm_ratio_of_factors
 from .propositions import _bilateral_all_frictional, proposition
 
 SCAN_POINTS = 256
 """Points at which the first crossing is looked for before it is bisected; a dip between two of them goes unseen."""
+
+AROUND = 1024.0
+"""The scan begins this factor below the crossing of the linear part, and, without a cap, ends as far above."""
 
 
 @proposition(_bilateral_all_frictional)
@@ -62,30 +66,34 @@ def _sign_vectors(operators: Delassus) -> np.ndarray:
 
 
 class _Blocks:
-    """The blocks of (62), relative to A_nb: everything that does not depend on r."""
+    """What (62) is made of besides r, each vector split along the span of N_b (its coefficients) and across it."""
 
     def __init__(self, operators: Delassus):
         self.b, self.u = operators.bilateral, operators.unilateral
-        solve = partial(linalg.solve, operators.A_nb)
-        self.Xt = solve(operators.A_tb)
-        self.Gn, self.Gt = solve(operators.A_nbnu), solve(operators.A_nbtu)
-        self.A_nunb, self.A_nutb, self.A_tu = operators.A_nbnu.T, operators.A_nutb, operators.A_tu
         Nb, Nu = select_columns(operators.N, self.b), select_columns(operators.N, self.u)
-        projected = linalg.project_out(Nb, Nu)
-        self.A_c = linalg.gram(projected, projected)
+        Tb, Tu = select_columns(operators.T, self.b), select_columns(operators.T, self.u)
+        self.Xt, self.Gn, self.Gt = (_on_factors(Nb, X) for X in (Tb, Nu, Tu))
+        self.N_c = linalg.project_out(Nb, Nu)
+        self.Db = linalg.gram(self.N_c, linalg.project_out(Nb, Tb))
+        self.Du = linalg.gram(self.N_c, linalg.project_out(Nb, Tu))
 
     def perturbation(self, mu_xi: Array) -> Array:
-        """P_mu = M_ub^mu - M_ub^0 by (64) to (67), with K = (I - X)^-1 - I."""
+        """P_mu = M_ub^mu - M_ub^0 of (64) to (67) with errata A14 to A16, K = (I - X)^-1 - I.
+
+        The parts along N_b cancel by hand: P_21 = -2 Db [mu_b xi] (I + K) and
+        P_22 = Db [mu_b xi] (I + K)(Gn - Gt [mu_u xi]) - Du [mu_u xi], with Db, Du the couplings of N_u and T_b, T_u
+        across the bilateral constraints. In floating point the printed differences lose all digits where N_u comes
+        close to the span of N_b.
+        """
         mul = partial(jnp.matmul, precision=lax.Precision.HIGHEST)
         d_b, d_u = select(mu_xi, self.b)[None, :], select(mu_xi, self.u)[None, :]
         X = self.Xt * d_b
         one = jnp.eye(len(self.b), dtype=X.dtype)
         K = mul(X, linalg.solve(one - X, one))
-        C = self.A_nunb - self.A_nutb * d_b
+        across = mul(self.Db * d_b, one + K)
         P12 = mul(one + K, self.Gt * d_u) - mul(K, self.Gn)
-        P21 = -2 * self.A_nutb * d_b + 2 * mul(C, K)
-        P22 = -self.A_tu * d_u + mul(self.A_nutb * d_b, self.Gn) + mul(C, P12)
-        return jnp.concatenate([jnp.concatenate([2 * K, P12], axis=1), jnp.concatenate([P21, P22], axis=1)])
+        P22 = mul(across, self.Gn - self.Gt * d_u) - self.Du * d_u
+        return jnp.concatenate([jnp.concatenate([2 * K, P12], axis=1), jnp.concatenate([-2 * across, P22], axis=1)])
 
     def beta_2(self) -> Array:
         """beta_2(M_ub^0) = max over gamma in the unilateral contacts of |[[I, G A^-1], [0, A^-1]]|_2, A = A_c[gamma,
@@ -94,14 +102,20 @@ class _Blocks:
         return jnp.max(jnp.stack([self._vertex_norm(g) for g in subsets]))
 
     def _vertex_norm(self, gamma: tuple[int, ...]) -> Array:
-        one = jnp.eye(len(self.b), dtype=self.A_c.dtype)
+        dtype = self.N_c.dtype
+        one = jnp.eye(len(self.b), dtype=dtype)
         if not gamma:
-            return jnp.ones((), self.A_c.dtype) if self.b else jnp.zeros((), self.A_c.dtype)
-        A = jnp.stack([select(self.A_c[i], gamma) for i in gamma])
-        inverse = linalg.solve(A, jnp.eye(len(gamma), dtype=A.dtype))
+            return jnp.ones((), dtype) if self.b else jnp.zeros((), dtype)
+        pseudo_inverse = _on_factors(select_columns(self.N_c, gamma), jnp.eye(self.N_c.shape[0], dtype=dtype))
+        inverse = linalg.gram(pseudo_inverse.T, pseudo_inverse.T)
         right = jnp.matmul(select_columns(self.Gn, gamma), inverse, precision=lax.Precision.HIGHEST)
-        lower = jnp.concatenate([jnp.zeros((len(gamma), len(self.b)), A.dtype), inverse], axis=1)
+        lower = jnp.concatenate([jnp.zeros((len(gamma), len(self.b)), dtype), inverse], axis=1)
         return linalg.singular_value_max(jnp.concatenate([jnp.concatenate([one, right], axis=1), lower]))
+
+
+def _on_factors(N: Array, X: Array) -> Array:
+    """(N^T N)^-1 N^T X, N^T N never formed; empty where N or X is."""
+    return coupling(N, X) if N.shape[1] and X.shape[1] else jnp.zeros((N.shape[1], X.shape[1]), N.dtype)
 
 
 def _first_crossing(blocks: _Blocks, direction: Array, reach: Array, cap: Array) -> Array:
@@ -110,12 +124,10 @@ def _first_crossing(blocks: _Blocks, direction: Array, reach: Array, cap: Array)
     def excess(r):
         return linalg.singular_value_max(blocks.perturbation(r * direction)) - reach
 
-    end = lax.stop_gradient(jnp.where(jnp.isfinite(cap), cap, _far(blocks, direction, reach)))
-    grid = end * jnp.arange(1, SCAN_POINTS + 1, dtype=direction.dtype) / SCAN_POINTS
+    grid = lax.stop_gradient(_scan(blocks, direction, reach, cap))
     over = ~(jax.vmap(excess)(grid) < 0)
     first = jnp.argmax(over)
-    crossed = over[first]
-    high = grid[first]
+    low, high = jnp.where(first > 0, grid[first - 1], 0), grid[first]
 
     def bisect(f, _):
         def halve(_, bracket):
@@ -125,12 +137,16 @@ def _first_crossing(blocks: _Blocks, direction: Array, reach: Array, cap: Array)
             return jnp.where(above, low, middle), jnp.where(above, middle, high)
 
         steps = jnp.finfo(direction.dtype).nmant + 2
-        return lax.fori_loop(0, steps, halve, (high - end / SCAN_POINTS, high))[0]
+        return lax.fori_loop(0, steps, halve, (low, high))[0]
 
     root = lax.custom_root(excess, high, bisect, lambda g, y: y / g(jnp.ones_like(y)))
-    return jnp.where(crossed, jnp.minimum(root, cap), cap)
+    return jnp.where(over[first], jnp.minimum(root, cap), cap)
 
 
-def _far(blocks: _Blocks, direction: Array, reach: Array) -> Array:
-    """An r beyond the crossing when the bilateral contacts set no cap: P is then linear in r."""
-    return 2 * reach / linalg.singular_value_max(blocks.perturbation(direction))
+def _scan(blocks: _Blocks, direction: Array, reach: Array, cap: Array) -> Array:
+    """Points in geometric progression around the crossing of the linear part of P, up to the cap."""
+    _, slope = jax.jvp(blocks.perturbation, (0 * direction,), (direction,))
+    linear = reach / linalg.singular_value_max(slope)
+    end = jnp.where(jnp.isfinite(cap), cap, AROUND * linear)
+    start = jnp.minimum(linear, end) / AROUND
+    return start * (end / start) ** (jnp.arange(1, SCAN_POINTS + 1, dtype=direction.dtype) / SCAN_POINTS)
