@@ -176,7 +176,7 @@ def test_matrices_must_fit_the_contacts():
 
 
 def test_right_angles_have_their_documented_values():
-    """theta = 0: Wt = 0, the bound is infinite; at theta = pi/2, rounded, W is near singular and the bound near zero."""
+    """theta = 0: Wt = 0, the bound is infinite; at theta = pi/2, rounded, W is nearly singular, the bound nearly 0."""
     rod, guides = PainleveRod(), PainleveKlein()
     assert jc.bounds.norm_ratio(jc.delassus(rod, rod.state(theta=0.0))) == jnp.inf
     upright = jc.bounds.norm_ratio(jc.delassus(guides, guides.state(theta=np.pi / 2)))

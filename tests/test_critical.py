@@ -150,7 +150,7 @@ def test_a_unilateral_pair_is_lost_at_a_ninth_where_the_bilateral_pair_never_is(
 
 
 def test_a_three_cycle_of_coupling_has_the_cube_root_as_threshold():
-    """X = r0 (permutation of three): det(I - r X S) = 1 - (r r0)^3 s1 s2 s3, so r = 1 / r0; every smaller set is safe."""
+    """X = r0 (permutation of three): det(I - r X S) = 1 - (r r0)^3 s1 s2 s3, so r = 1 / r0; smaller sets are safe."""
     X = 0.5 * jnp.roll(jnp.eye(3), 1, axis=1)
     for kinds in ("bbb", "uuu"):
         np.testing.assert_allclose(critical(operators_of(jnp.eye(3), X, kinds)), 2.0, rtol=BAR["float64"])
