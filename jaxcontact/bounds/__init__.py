@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from .bracket import Bracket, critical_bracket
 from .certify import Certificate, certify
 from .classes import (
     Membership,
@@ -22,6 +23,7 @@ from .propositions import direct, prop9a, prop9b, prop10, prop11, prop12, prop13
 from .redundancy import Redundancy, determined_by_constraints, redundancy
 from .sliding_class import guaranteed_error, lipschitz, uniqueness
 from .slopes import Slopes, slopes
+from .variants import BindingMode, binding_mode, critical_along_ray, critical_existence, critical_for_load
 
 _BOUNDS = (
     norm_ratio,
@@ -49,6 +51,8 @@ def by_name() -> dict[str, Callable]:
 
 
 __all__ = [
+    "BindingMode",
+    "Bracket",
     "Certificate",
     "Membership",
     "Redundancy",
@@ -56,11 +60,16 @@ __all__ = [
     "Verdict",
     "best_scaling",
     "beta",
+    "binding_mode",
     "by_name",
     "certify",
     "column_w",
     "copositive",
     "critical",
+    "critical_along_ray",
+    "critical_bracket",
+    "critical_existence",
+    "critical_for_load",
     "critical_for_signs",
     "determined_by_constraints",
     "direct",

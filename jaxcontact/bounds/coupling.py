@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 from jax import Array, lax
+from jax.scipy.linalg import solve_triangular
 
 from .. import linalg
 from ..linalg.orthogonal import triangularise
@@ -57,11 +58,13 @@ def square_factors(N: Array, T: Array) -> tuple[Array, Array]:
 
 
 def orthogonal_triangular(N: Array) -> tuple[Array, Array]:
-    """(E (n, m), R (m, m)): N = E R by modified Gram-Schmidt, every projection done twice; without a library call.
+    """(E (n, m), R (m, m)): N = E R by modified Gram-Schmidt, every projection done twice; the library beyond.
 
     A zero column, and one that depends on the earlier ones exactly, gives zeros in E and in the diagonal of R.
     """
     m = N.shape[1]
+    if m > UNROLL_LIMIT:
+        return _positive(*jnp.linalg.qr(N))
     rest, E, R = N, [], []
     for i in range(m):
         square = jnp.sum(rest[:, 0] * rest[:, 0])
@@ -78,6 +81,12 @@ def orthogonal_triangular(N: Array) -> tuple[Array, Array]:
     return jnp.stack(E, axis=1), jnp.stack(R)
 
 
+def _positive(E: Array, R: Array) -> tuple[Array, Array]:
+    """The same factors with a positive diagonal of R."""
+    sign = jnp.where(jnp.diag(R) < 0, -1, 1).astype(R.dtype)
+    return E * sign[None, :], R * sign[:, None]
+
+
 def _product(A: Array, B: Array) -> Array:
     return jnp.matmul(A, B, precision=lax.Precision.HIGHEST)
 
@@ -86,6 +95,9 @@ def _on_arrays(N: Array, T: Array) -> tuple[Array, Array]:
     """X and the sum of the absolute values of the terms it is made of: back substitution, rows from the last."""
     E, R = orthogonal_triangular(N)
     value, terms = _product(E.T, T), _product(abs(E).T, abs(T))
+    if len(R) > UNROLL_LIMIT:
+        comparison = lax.stop_gradient(2 * jnp.diag(jnp.diag(R)) - abs(R))
+        return solve_triangular(R, value), solve_triangular(comparison, lax.stop_gradient(terms))
     x, size = [], []
     for i in reversed(range(N.shape[1])):
         later = R[i, i + 1 :]
