@@ -2,6 +2,7 @@
 
 from . import atlas, bounds, complementarity, contact, linalg, mechanisms
 from .atlas import sweep
+from .bounds import certify, explain
 from .complementarity import (
     LCP,
     MLCP,
@@ -54,12 +55,14 @@ __all__ = [
     "all_solutions",
     "atlas",
     "bounds",
+    "certify",
     "classify",
     "complementarity",
     "contact",
     "contact_forces",
     "delassus",
     "delassus_from_matrices",
+    "explain",
     "implicit",
     "linalg",
     "mechanism",

@@ -1,4 +1,4 @@
-"""The command line: `jaxcontact list | curve | atlas | figures | regimes`."""
+"""The command line: `jaxcontact list | curve | atlas | figures | regimes | explain`."""
 
 import argparse
 import sys
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import jax
 
-from .commands import add_regimes, run_atlas, run_curve, run_figures, run_list
+from .commands import add_explain, add_regimes, run_atlas, run_curve, run_figures, run_list
 
 MISUSE = 2  # exit code, as of argparse
 
@@ -19,6 +19,7 @@ EXAMPLES = """examples:
   jaxcontact curve my_drawer.py:Drawer --over offset=0:0.5:200 --out drawer.png
   jaxcontact figures --out figures
   jaxcontact regimes --friction 2 --out regimes.png
+  jaxcontact explain PainleveKlein --at theta=0.9 --mu 0.4
 """
 OVER = "a coordinate or parameter and its range: name=start:stop:count, angles in rad"
 SET = "the value of another coordinate, parameter or choice: name=value; may be repeated"
@@ -56,7 +57,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(required=True, metavar="{list,curve,atlas,figures,regimes}")
+    commands = parser.add_subparsers(required=True, metavar="{list,curve,atlas,figures,regimes,explain}")
     _add_list(commands, everywhere)
     _add_sweep(commands, everywhere, "curve", "a bound along one coordinate or parameter", run_curve)
     _add_sweep(commands, everywhere, "atlas", "a bound over two or more coordinates or parameters", run_atlas)
@@ -64,6 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     figures.add_argument("--out", required=True, help="folder for the pictures (.png, .svg) and numbers (.csv)")
     figures.set_defaults(run=run_figures)
     add_regimes(commands, everywhere)
+    add_explain(commands, everywhere)
     return parser
 
 

@@ -219,3 +219,15 @@ def test_no_display_is_needed_and_pyplot_is_left_alone(tmp_path):
 def test_help_loads_neither_xarray_nor_matplotlib():
     script = "import sys, jaxcontact.__main__; sys.exit(bool({'xarray', 'matplotlib', 'pandas'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_explain_puts_one_configuration_in_words(capsys):
+    """At theta = 0.9, Proposition 10 stops at 0.6846 and the exact threshold cot 0.9 = 0.7936: 0.7 lies between them."""
+    assert main(["explain", "PainleveKlein", "--at", "theta=0.9", "--mu", "0.7"]) == 0
+    rows = {line[:30].strip(): line.split() for line in capsys.readouterr().out.splitlines()}
+    assert rows["Proposition 10"][-2] == "no"
+    assert rows["Exact threshold"][-2] == "yes"
+    assert main(["explain", "PainleveKlein", "--at", "theta=0.9", "--mu", "0.7", "0.1", "0.1"]) == 2
+    assert "one for each of the 2 contacts" in capsys.readouterr().err
+    assert main(["explain", "PainleveKlein", "--mu", "0.7"]) == 2
+    assert "needs theta" in capsys.readouterr().err
