@@ -222,7 +222,7 @@ def test_help_loads_neither_xarray_nor_matplotlib():
 
 
 def test_explain_puts_one_configuration_in_words(capsys):
-    """At theta = 0.9, Proposition 10 stops at 0.6846 and the exact threshold cot 0.9 = 0.7936: 0.7 lies between them."""
+    """At theta = 0.9 Proposition 10 stops at 0.6846, the exact threshold at cot 0.9 = 0.7936: 0.7 lies between."""
     assert main(["explain", "PainleveKlein", "--at", "theta=0.9", "--mu", "0.7"]) == 0
     rows = {line[:30].strip(): line.split() for line in capsys.readouterr().out.splitlines()}
     assert rows["Proposition 10"][-2] == "no"
