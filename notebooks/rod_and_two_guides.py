@@ -27,6 +27,7 @@ import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+import optax
 
 jax.config.update("jax_enable_x64", True)
 
@@ -116,15 +117,24 @@ print(np.asarray(found.normal)[np.asarray(found.valid)])
 # %% [markdown]
 # ## The best angle is a kink
 #
-# Which angle above 45° bears most friction, by the bound? Follow the slope uphill. The derivative is exact, so plain gradient
-# steps climb quickly, and then stop at a place where the derivative jumps.
+# Which angle above 45° bears most friction, by the bound? Follow the slope uphill. The derivative is exact, so an optimiser
+# climbs quickly, and then hops around a place where the derivative jumps.
 
 # %%
-slope = jax.jit(jax.grad(bound, argnums=1))
-theta = 0.85
-for step in range(60):
-    theta = theta + 0.01 * float(jnp.sign(slope(guides, theta))) * 0.93**step
-theta, float(jnp.arccos(3**-0.5))
+ascent = optax.adam(optax.exponential_decay(0.02, transition_steps=20, decay_rate=0.5))
+
+
+@jax.jit
+def step(theta, memory):
+    change, memory = ascent.update(-jax.grad(bound, argnums=1)(guides, theta), memory)
+    return theta + change, memory
+
+
+theta = jnp.asarray(0.85)
+memory = ascent.init(theta)
+for _ in range(300):
+    theta, memory = step(theta, memory)
+float(theta), float(jnp.arccos(3**-0.5))
 
 # %%
 family = lambda theta: jc.delassus(guides, guides.state(theta=theta))
