@@ -2,7 +2,6 @@
 
 import os
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -19,32 +18,37 @@ def readme_example() -> str:
     return blocks[0]
 
 
+def run_as_a_user(script: Path, folder: Path) -> str:
+    """What a script prints in a process of its own, without the switches of the tests."""
+    run = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=folder,
+        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=250,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
 def test_the_twenty_lines_of_the_readme_print_what_the_readme_says(tmp_path):
     """In a process of its own, with a coarser grid; the comments hold the leading digits of the printed numbers."""
     code = readme_example().replace("400)", "20)").replace("300)", "10)")
     promised = re.findall(r"^print\(.*\)\s+# (-?[\d.]+)", code, re.MULTILINE)
     assert len(promised) >= 4
     (tmp_path / "example.py").write_text(code)
-    run = subprocess.run(
-        [sys.executable, "example.py"],
-        cwd=tmp_path,
-        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    for line, number in zip(run.stdout.splitlines(), promised):
+    printed = run_as_a_user(tmp_path / "example.py", tmp_path)
+    for line, number in zip(printed.splitlines(), promised):
         last_digit = 10.0 ** -len(number.partition(".")[2]) if "." in number else 1e-12
         assert float(line) == pytest.approx(float(number), abs=0.5 * last_digit)
     assert (tmp_path / "atlas.svg").stat().st_size > 0
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.py")), ids=lambda p: p.stem)
-def test_notebooks_run(path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    runpy.run_path(str(path))
+def test_notebooks_run(path, tmp_path):
+    run_as_a_user(path, tmp_path)
 
 
 def test_documents_name_only_bounds_that_exist():
