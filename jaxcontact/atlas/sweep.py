@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import xarray
 
 # Points computed at once. Measured over 2**20 points on two busy cores, in million points per second, for chunks of
-# 2**12, 2**14, 2**16 and 2**18: a fused scalar formula 12, 27, 26, 54; programs that write matrices are fastest while
-# these fit in the cache, the bound of two guides 3.8, 5.2, 5.0, 2.1, of the telescoping rod 3.9, 2.5, 1.9, 1.3.
+# 2**12, 2**14, 2**16 and 2**18: a fused scalar formula 12, 27, 26, 54. Programs that stay on matrices (loops, library
+# routines) are fastest while these fit in the cache: a bound of two contacts 3.8, 5.2, 5.0, 2.1.
 CHUNK_POINTS = 2**14
 MEMORY = 2**28  # bytes the compiled program may take for what it computes on the way
 

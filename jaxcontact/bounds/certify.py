@@ -192,10 +192,6 @@ def _always(operators: Delassus) -> str:
     return ""
 
 
-def _needs(kind: str) -> Callable:
-    return lambda operators: "" if getattr(operators, kind) else f"no contact is {kind}"
-
-
 def _purely(kind: str) -> Callable:
     other = "unilateral" if kind == "bilateral" else "bilateral"
     return lambda operators: "" if getattr(operators, kind) and not getattr(operators, other) else f"not all {kind}"

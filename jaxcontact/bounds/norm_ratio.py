@@ -8,7 +8,7 @@ from jax import Array
 
 from .. import linalg
 from ..dynamics import Delassus, without_frictionless_bilateral
-from ..dynamics.delassus import select_columns
+from ..dynamics.delassus import select, select_columns
 from .ratio import ratio_of
 
 
@@ -66,11 +66,14 @@ def scaled_tangents(operators: Delassus, ratio: Array) -> Array:
     return jnp.stack([T[:, j] * ratio[i] for j, i in enumerate(operators.frictional)], axis=1) if T.shape[1] else T
 
 
+def remaining_factors(operators: Delassus, ratio: Array) -> tuple[Array, Array]:
+    """(N, T) without the frictionless bilateral contacts; T of the frictional ones, times their ratio (m,)."""
+    kept = [i for i, contact in enumerate(operators.contacts) if contact.frictional or not contact.bilateral]
+    rest = without_frictionless_bilateral(operators)
+    return rest.N, scaled_tangents(rest, select(ratio, kept))
+
+
 @partial(jax.jit, inline=True)
 @linalg.fused
 def _norm_ratio(operators: Delassus, ratio: Array) -> Array:
-    kept = [i for i, contact in enumerate(operators.contacts) if contact.frictional or not contact.bilateral]
-    rest = without_frictionless_bilateral(operators)
-    return norm_ratio_of_factors(
-        rest.N, scaled_tangents(rest, jnp.stack([ratio[i] for i in kept]) if kept else ratio[:0])
-    )
+    return norm_ratio_of_factors(*remaining_factors(operators, ratio))

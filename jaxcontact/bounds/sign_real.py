@@ -31,11 +31,6 @@ class Box(NamedTuple):
     second: Array
 
 
-def every_sign(k: int, dtype) -> Box:
-    """|D_i| <= 1 for k contacts."""
-    return Box(jnp.ones(k, dtype), -jnp.ones(k, dtype))
-
-
 def radius_of_two(X: Array) -> Array:
     """The sign-real spectral radius of X (1, 1) or (2, 2), in closed form with derivatives.
 

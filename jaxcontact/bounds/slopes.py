@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jax import Array
 
 from .. import linalg
-from ..dynamics import Delassus, without_frictionless_bilateral
-from .norm_ratio import safe_ratio, scaled_tangents
+from ..dynamics import Delassus
+from .norm_ratio import remaining_factors, safe_ratio
 from .ratio import ratio_of
 
 COINCIDENT = 64
@@ -61,10 +61,8 @@ def slopes(
     rates = ratio_of(here.contacts, ratio, here.N.dtype)
 
     def factors(operators):
-        kept = [i for i, contact in enumerate(operators.contacts) if contact.frictional or not contact.bilateral]
-        rest = without_frictionless_bilateral(operators)
-        scaled = scaled_tangents(rest, jnp.stack([rates[i] for i in kept]) if kept else rates[:0])
-        return linalg.gram(rest.N, rest.N), linalg.gram(rest.N, scaled)
+        N, T = remaining_factors(operators, rates)
+        return linalg.gram(N, N), linalg.gram(N, T)
 
     (W, Y), (dW, dY) = jax.jvp(factors, (here,), (change,))
     return _slopes_of_ratio(W, Y, dW, dY, closeness)

@@ -86,10 +86,3 @@ def power_of_two_scale(size: Scalar) -> tuple[Scalar, Scalar]:
     scale = lax.bitcast_convert_type(exponent << shift, size.dtype)
     inverse = lax.bitcast_convert_type((jnp.array(2 * bias, word) - exponent) << shift, size.dtype)
     return scale, inverse
-
-
-def euclidean_norm(x: list[Scalar]) -> Scalar:
-    """sqrt(sum x_i^2) without overflow or underflow of the squares; not differentiated, callers carry a rule."""
-    scale, inverse = power_of_two_scale(largest([lax.abs(x_i) for x_i in x]))
-    y = [x_i * inverse for x_i in x]
-    return scale * jnp.sqrt(inner(y, y))
