@@ -1,4 +1,4 @@
-"""The tutorial's Figures 3 to 7, corrected: the numbers, and the pictures drawn from them."""
+"""The tutorial's Figures 3 to 7, corrected, and how conservative its bound is: the numbers, and their pictures."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,6 +8,8 @@ import xarray
 from matplotlib.figure import Figure
 
 from .. import atlas
+from .conservativeness import conservativeness_links, conservativeness_rod
+from .friction_plane import friction_plane
 from .guides import figure_4a, figure_4b, figure_5a, figure_5b, figure_6a, figure_6b
 from .single_contact import figure_3a, figure_3b, figure_7
 
@@ -21,6 +23,9 @@ FIGURES: dict[str, Callable[[], tuple[xarray.Dataset, Figure]]] = {
     "figure_6a": figure_6a,
     "figure_6b": figure_6b,
     "figure_7": figure_7,
+    "conservativeness_rod": conservativeness_rod,
+    "conservativeness_links": conservativeness_links,
+    "friction_plane": friction_plane,
 }
 FORMATS = (".png", ".svg")
 

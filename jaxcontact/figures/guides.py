@@ -7,7 +7,7 @@ from jax import Array
 from matplotlib.figure import Figure
 
 from ..atlas import draw_curve, draw_friction_plane, sweep
-from ..bounds import critical, norm_ratio
+from ..bounds import critical, critical_existence, norm_ratio
 from ..dynamics import delassus
 from ..mechanisms import ArticulatedPainleveKlein, FlexiblePainleveKlein, PainleveKlein
 
@@ -46,7 +46,9 @@ def figure_4a() -> tuple[xarray.Dataset, Figure]:
         return 1.0 / critical(here, ratio=jnp.stack([mu_1, mu_2]))
 
     def strip(guides, mu_1, mu_2):
-        return jnp.abs(mu_1 - mu_2) * np.tan(PLANE_ANGLE) / 2
+        here = delassus(guides, guides.state(theta=PLANE_ANGLE))
+        same_way = jnp.ones(2, here.N.dtype)
+        return 1.0 / critical_existence(here, same_way, ratio=jnp.stack([mu_1, mu_2]))
 
     strip.long_name = "a solution for every load: |μ₁ − μ₂| < 2 cot θ"
     triangle.long_name = "exactly one for every load: μ₁ + μ₂ < 2 cot θ"
