@@ -45,9 +45,9 @@ def draw_ladder(measured: dict) -> Figure:
     systems, sizes = ([r[key] for r in measured["rows"]] for key in ("systems", "contacts"))
     add_caption(
         figure,
-        f"Median over random systems of {min(sizes)} to {max(sizes)} contacts (a line for each rung, their number beside "
-        "some points), whiskers from the 1st to the 99th percentile. Where the exact value is out of reach, open marks: the "
-        "share of the upper end of a bracket, which is no less than the exact value. "
+        f"Median over random systems of {min(sizes)} to {max(sizes)} contacts: a line for each rung, their number "
+        "beside some points, whiskers from the 1st to the 99th percentile. Open marks, where the exact value is out of "
+        "reach: the share of the upper end of a bracket, which is no less than the exact value. "
         f"At least {min(systems)} systems of each size, float64; {here['processor']}, {here['cores']} cores, "
         f"jax {here['jax']}, {here['date'][:10]}.",
     )
