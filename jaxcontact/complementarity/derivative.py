@@ -20,10 +20,11 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.complementarity.boxed import pairs_of_box
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import inverse
 from jaxcontact.complementarity.judge import classify
-from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, HorizontalLCP
+from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, BoxedLCP, HorizontalLCP
 from jaxcontact.complementarity.short import dot
 
 AT_A_KINK = 0.5
@@ -34,13 +35,15 @@ AT_A_KINK = 0.5
 def implicit(problem, unknown):
     """`unknown`, unchanged, as a differentiable function of the problem's data.
 
-    unknown: z (m,) for an LCP; (u, v) for an MLCP; (z, w) for a HorizontalLCP; x (m,) for an AbsoluteValueEquation.
-    It must be a solution: nothing is checked here. Forward, reverse, second order and vmap all work.
+    unknown: z (m,) for an LCP; (u, v) for an MLCP; (z, w) for a HorizontalLCP; x (m,) for an AbsoluteValueEquation
+    or a BoxedLCP. It must be a solution: nothing is checked here. Forward, reverse, second order and vmap all work.
     Raises TypeError for other records.
 
     >>> jax.jacfwd(lambda q: implicit(LCP(M, q), z))(q)     # -(M_SS)^-1 on the active set S
     """
-    raise TypeError(f"expected LCP, MLCP, HorizontalLCP or AbsoluteValueEquation, got {type(problem).__name__}")
+    raise TypeError(
+        f"expected LCP, MLCP, HorizontalLCP, AbsoluteValueEquation or BoxedLCP, got {type(problem).__name__}"
+    )
 
 
 @implicit.register
@@ -70,17 +73,30 @@ def _(problem: AbsoluteValueEquation, unknown):
     return z - w
 
 
-def attach(problem, free, z, w):
-    """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite."""
+@implicit.register
+def _(problem: BoxedLCP, unknown):
+    x = lax.stop_gradient(unknown)
+    return attach(problem, x, *lax.stop_gradient(pairs_of_box(problem, x)))[0]
+
+
+def attach(problem, free, z, w, weight=None):
+    """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite.
+
+    weight: (m,) d where it is known already."""
     form = normal_form(problem)
     finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in (*form, free, z, w)]).all()
     harmless = _harmless(form)
     form = jax.tree.map(lambda part, safe: jnp.where(finite, part, safe), form, harmless)
     inner = [jnp.where(finite, part, 0) for part in (free, z, w)]
-    active, degenerate = classify(lax.stop_gradient(problem), lax.stop_gradient(form), inner[1], inner[2])
-    weight = jnp.where(degenerate, AT_A_KINK, active.astype(z.dtype)).astype(z.dtype)
+    if weight is None:
+        weight = weights(*classify(lax.stop_gradient(problem), lax.stop_gradient(form), inner[1], inner[2]), z.dtype)
     outer = _attached(form, weight, *inner)
     return tuple(jnp.where(finite, part, given) for part, given in zip(outer, (free, z, w), strict=True))
+
+
+def weights(active, degenerate, dtype):
+    """(m,) d: 1 where a pair is active, 0 where it is open, AT_A_KINK where it is degenerate."""
+    return jnp.where(degenerate, AT_A_KINK, active.astype(dtype)).astype(dtype)
 
 
 def _harmless(form):

@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.gauss_seidel import hopeless_row
-from jaxcontact.complementarity.judge import backward_error_bound
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import scaled
+from jaxcontact.complementarity.short import entrywise
 from jaxcontact.complementarity.status import Status
 
 LARGEST = 2
@@ -26,8 +26,6 @@ class Best(NamedTuple):
 
     z: jax.Array
     """(m,) in the caller's units"""
-    violation: jax.Array
-    """backward error of z in balanced units"""
     done: jax.Array
     """bool, always true: nothing is iterated"""
 
@@ -44,33 +42,37 @@ class Direct:
 
     def budget(self, m):
         """No step is needed."""
-        return 1
+        return 0
 
     def init(self, problem: LCP, start):
         """All candidates, the best of them."""
         m = problem.q.shape[0]
         if m > LARGEST:
             raise ValueError(f"Direct: got {m} contacts, takes at most {LARGEST}; write Lemke()")
-        data = scaled(problem.M, problem.q)
-        M, q = data.M, data.q
-        best = [jnp.zeros((), q.dtype)] * m
-        least = _violation(M, q, best)
-        for candidate in _vertices(M, q):
-            violation = _violation(M, q, candidate)
-            better = violation < least
-            best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
-            least = jnp.where(better, violation, least)
-        return Best(data.unscale(jnp.stack(best)), least, jnp.ones((), bool))
+        return Best(entrywise(_best, m)(problem.M, problem.q), jnp.ones((), bool))
 
     def step(self, problem: LCP, state: Best):
         """Nothing to do."""
         return state
 
     def read(self, problem: LCP, state: Best):
-        """The best candidate."""
-        found = state.violation <= backward_error_bound(problem.q.dtype)
-        outcome = jnp.where(found, int(Status.SOLVED), int(Status.NO_SOLUTION)).astype(jnp.int32)
-        return Answer(state.z, outcome, hopeless_row(problem))
+        """The best candidate; if it does not solve the problem, none does."""
+        return Answer(state.z, jnp.int32(Status.NO_SOLUTION), hopeless_row(problem))
+
+
+def _best(M, q):
+    """(m,) the candidate with the least violation, in the caller's units."""
+    m = len(q)
+    data = scaled(M, q)
+    M, q = data.M, data.q
+    best = [jnp.zeros((), q.dtype)] * m
+    least = _violation(M, q, best)
+    for candidate in _vertices(M, q):
+        violation = _violation(M, q, candidate)
+        better = violation < least
+        best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
+        least = jnp.where(better, violation, least)
+    return data.unscale(jnp.stack(best))
 
 
 def _vertices(M, q):

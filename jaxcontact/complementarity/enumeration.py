@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact import linalg
 from jaxcontact.complementarity.derivative import attach
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
 from jaxcontact.complementarity.inverse import analysed_inverse
@@ -114,35 +115,35 @@ def _solved_mode(problem, form, mode):
     x = x - dot(found.matrix, dot(K, x) + form.q)
     sign = jnp.concatenate([jnp.zeros(k, x.dtype), jnp.where(mode, 1, -1).astype(x.dtype)])
     kernel = _kernel(K, found)
-    heights = jnp.max(jnp.abs(kernel), axis=0, initial=0)
-    line = jnp.sum(jnp.where(first(heights == jnp.max(heights, initial=0))[None, :], kernel, 0), axis=1)
+    heights = linalg.greatest(jnp.abs(kernel), axis=0, initial=0)
+    line = jnp.sum(jnp.where(first(heights == linalg.greatest(heights, initial=0))[None, :], kernel, 0), axis=1)
     shift, _ = _stretch(sign * x, sign * line)
     x = jnp.where(found.deficiency == 1, x + shift * line, x)
     size = jnp.maximum(sign * x, 0)[k:]
     free, z, w = x[:k], jnp.where(mode, size, 0), jnp.where(mode, 0, size)
     eps = jnp.finfo(x.dtype).eps
-    terms = jnp.max(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
+    terms = linalg.greatest(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
-    holds = inside & acceptable(*residuals(problem, form, free, z, w), x.dtype)
+    holds = inside & acceptable(*residuals(problem, form, free, z, w), jnp.inf, x.dtype)
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
     stretches = jax.vmap(lambda column: _stretch(sign * x, sign * column)[1], 1)(kernel)
     family = jnp.any((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0))
     one_signed = jnp.any(jnp.all(K * sign[None, :] > 0, axis=1) | jnp.all(K * sign[None, :] < 0, axis=1))
-    lone = holds & one_signed & (jnp.max(size, initial=0) == 0)
+    lone = holds & one_signed & (linalg.greatest(size, initial=0) == 0)
     doubt = (found.deficiency > 1) & consistent & ~(holds & family) & ~lone
     radius = MERGE_BOUND * eps * found.condition
     return free, z, slack(problem, form, free, z, w), holds, family, doubt, radius
 
 
 def _miss(K, x, q):
-    return jnp.max(jnp.abs(dot(K, x) + q), initial=0)
+    return linalg.greatest(jnp.abs(dot(K, x) + q), initial=0)
 
 
 def _kernel(K, found):
     """(n, n) I - G K: its columns span the kernel of K, entries at rounding level removed; zero for a regular K."""
     n = K.shape[0]
     kernel = jnp.eye(n, dtype=K.dtype) - dot(found.matrix, K)
-    floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * jnp.max(jnp.abs(kernel), axis=0, initial=0)
+    floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * linalg.greatest(jnp.abs(kernel), axis=0, initial=0)
     kernel = jnp.where(jnp.abs(kernel) > floor[None, :], kernel, 0)
     return jnp.where(found.deficiency > 0, kernel, 0)
 
@@ -152,12 +153,12 @@ def _stretch(y, line):
     relative to the numbers that enter it, negative if there is none. Entries where line is zero play no part."""
     rising, falling = line > 0, line < 0
     at = -y / jnp.where(line == 0, 1, line)
-    low = jnp.max(jnp.where(rising, at, -jnp.inf), initial=-jnp.inf)
-    high = jnp.min(jnp.where(falling, at, jnp.inf), initial=jnp.inf)
+    low = linalg.greatest(jnp.where(rising, at, -jnp.inf), initial=-jnp.inf)
+    high = linalg.least(jnp.where(falling, at, jnp.inf), initial=jnp.inf)
     t = jnp.where(jnp.isfinite(low), low, jnp.where(jnp.isfinite(high), high, 0))
-    steepest = jnp.max(jnp.abs(line), initial=0)
-    size = jnp.max(jnp.where(line == 0, 0, jnp.abs(at)), initial=0)
-    size = jnp.maximum(size, jnp.max(jnp.abs(y), initial=0) / jnp.where(steepest > 0, steepest, 1))
+    steepest = linalg.greatest(jnp.abs(line), initial=0)
+    size = linalg.greatest(jnp.where(line == 0, 0, jnp.abs(at)), initial=0)
+    size = jnp.maximum(size, linalg.greatest(jnp.abs(y), initial=0) / jnp.where(steepest > 0, steepest, 1))
     return t, jnp.where(high - low > 0, (high - low) / jnp.where(size > 0, size, 1), -1)
 
 
@@ -167,11 +168,11 @@ def _repeats(problem, form, point, holds, radius):
     _, z, w = point
     rows = jnp.concatenate([z * scale_z[None, :], w * scale_w[None, :]], axis=1)
     order = jnp.arange(rows.shape[0])
-    size = jnp.max(jnp.abs(jnp.where(holds[:, None], rows, 0)), axis=1, initial=0)
+    size = linalg.greatest(jnp.abs(jnp.where(holds[:, None], rows, 0)), axis=1, initial=0)
     cap = jnp.finfo(rows.dtype).eps ** FURTHEST
 
     def repeated(i):
-        apart = jnp.max(jnp.abs(rows - rows[i][None, :]), axis=1, initial=0)
+        apart = linalg.greatest(jnp.abs(rows - rows[i][None, :]), axis=1, initial=0)
         near = apart <= jnp.minimum(jnp.maximum(radius, radius[i]), cap) * jnp.maximum(size, size[i])
         return jnp.any(near & holds & (order < i))
 

@@ -1,19 +1,27 @@
-"""An inverse that survives dependent rows: Gauss-Jordan with complete pivoting, in rank-one updates.
+"""An inverse that survives dependent rows.
 
-For a singular matrix it returns the inverse of a largest regular block, padded with zeros: K G K = K up to rounding.
-Pivots far below the size of the (balanced) matrix count as zero.
+For a singular matrix it is the inverse of a largest regular block, padded with zeros: K G K = K up to rounding. The
+block is that of Gauss-Jordan elimination with complete pivoting, where pivots far below the size of the (balanced)
+matrix count as zero. Two by two is a closed form; a larger matrix goes to the library first, and is eliminated only
+where its condition leaves the rank in doubt.
 """
 
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
+from jaxcontact import linalg
 from jaxcontact.complementarity.scaling import exponent, power_of_two
-from jaxcontact.complementarity.short import counted, dot, first, greatest, largest, largest_of_rows
+from jaxcontact.complementarity.short import dot, first, greatest, largest, largest_of_rows
+from jaxcontact.linalg import det2, where_needed
 
 PIVOT_FLOOR = 16
 """A pivot below PIVOT_FLOOR * n * eps of the largest balanced entry is rounding, and ends the elimination."""
+
+DOUBT = 2.0**-10
+"""Above DOUBT / eps the condition number says nothing of the rank."""
 
 
 class Inverse(NamedTuple):
@@ -48,8 +56,7 @@ def analysed_inverse(K):
     if n == 0:
         return Inverse(K, jnp.zeros((), jnp.int32), jnp.ones((), K.dtype))
     B, rows, columns = balanced(K)
-    G, rank = _gauss_jordan(B)
-    G = jnp.where(rank == n, G + dot(G, jnp.eye(n, dtype=K.dtype) - dot(B, G)), G)
+    G, rank = _closed(B) if n <= CLOSED else _eliminated_if_needed(B)
     condition = _row_sum_norm(B) * _row_sum_norm(G)
     return Inverse(columns[:, None] * G * rows[None, :], n - rank, condition)
 
@@ -62,14 +69,52 @@ def balanced(K):
     return B * columns[None, :], rows, columns
 
 
+CLOSED = 2
+"""Largest size with a closed form."""
+
+
+def _closed(B):
+    """(inverse, rank) of one or two rows, by the same rule as the elimination: the second pivot is the determinant,
+    free of cancellation in compensated arithmetic, over the first."""
+    n = B.shape[0]
+    entries = [B[i, j] for i in range(n) for j in range(n)]
+    pivot = largest(B)
+    single = pivot > 0
+    if n == 1:
+        return jnp.where(single, 1 / jnp.where(single, B, 1), 0), single.astype(jnp.int32)
+    a, b, c, d = entries
+    volume = det2(a, b, c, d)
+    regular = jnp.abs(volume) > PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * pivot * pivot
+    scale = 1 / jnp.where(regular, volume, 1)
+    taken, alone = jnp.zeros((), bool), []
+    for entry in entries:
+        here = single & ~taken & (jnp.abs(entry) == pivot)
+        alone.append(jnp.where(here, 1 / jnp.where(here, entry, 1), 0))
+        taken = taken | here
+    full, part = (d, -b, -c, a), (alone[0], alone[2], alone[1], alone[3])
+    G = [jnp.where(regular, scale * x, y) for x, y in zip(full, part, strict=True)]
+    rank = jnp.where(regular, 2, single.astype(jnp.int32)).astype(jnp.int32)
+    return jnp.stack([jnp.stack(G[:2]), jnp.stack(G[2:])]), rank
+
+
+def _eliminated_if_needed(B):
+    """(inverse, rank) by the library, corrected once; by elimination where that does not settle the rank."""
+    n = B.shape[0]
+    G = jnp.linalg.inv(B)
+    clear = _row_sum_norm(B) * _row_sum_norm(G) < DOUBT / jnp.finfo(B.dtype).eps
+    G = G + dot(G, jnp.eye(n, dtype=B.dtype) - dot(B, G))
+    return where_needed(~clear, _gauss_jordan, (jnp.where(clear, G, 0), jnp.int32(n)), B)
+
+
 def _gauss_jordan(B):
     """In-place inversion: after n sweeps, T holds the inverse with rows and columns in pivot pairing."""
     n = B.shape[0]
     floor = PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * largest(B)
     free = jnp.ones(n, bool)
     carry = (B, free, free, jnp.zeros((n, n), B.dtype))
-    T, _, _, pairing = counted(n, lambda _, c: _sweep(c, floor), carry)
-    return dot(pairing.T, dot(T, pairing.T)), jnp.sum(pairing).astype(jnp.int32)
+    T, _, _, pairing = lax.fori_loop(0, n, lambda _, c: _sweep(c, floor), carry)
+    G, rank = dot(pairing.T, dot(T, pairing.T)), jnp.sum(pairing).astype(jnp.int32)
+    return jnp.where(rank == n, G + dot(G, jnp.eye(n, dtype=B.dtype) - dot(B, G)), G), rank
 
 
 def _sweep(carry, floor):
@@ -77,9 +122,9 @@ def _sweep(carry, floor):
     T, rows_free, columns_free, pairing = carry
     size = jnp.where(rows_free[:, None] & columns_free[None, :], jnp.abs(T), -1)
     best = greatest(size, -1)
-    across = jnp.max(size, axis=1)
+    across = linalg.greatest(size, axis=1)
     row = first(across == best)
-    column = first((jnp.where(row[:, None], size, -2).max(axis=0) == best) & columns_free)
+    column = first((linalg.greatest(jnp.where(row[:, None], size, -2), 0) == best) & columns_free)
     go = best > floor
     pivot = jnp.where(go, jnp.sum(jnp.where(row[:, None] & column[None, :], T, 0)), 1)
     pivot_row = jnp.sum(jnp.where(row[:, None], T, 0), axis=0)

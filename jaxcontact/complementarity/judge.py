@@ -15,20 +15,21 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxcontact.complementarity.boxed import residuals_of_box
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import analysed_inverse
-from jaxcontact.complementarity.problems import LCP, MLCP
+from jaxcontact.complementarity.problems import LCP, MLCP, BoxedLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
-from jaxcontact.complementarity.short import counted, dot, largest, largest_of_rows
+from jaxcontact.complementarity.short import counted, diagonal_of, dot, entrywise, largest, largest_of_rows
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import two_product, two_sum
+from jaxcontact.linalg import two_product, two_sum, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
 
 DIGITS_KEPT = 0.25
-"""SOLVED requires rho <= eps^DIGITS_KEPT, since rho is about eps times the condition of the active equations:
-a quarter of the digits must remain."""
+"""SOLVED requires rho <= eps^DIGITS_KEPT, a quarter of the digits, or equations whose condition is known to be
+moderate: rho is about eps times that."""
 
 DEGENERACY_BOUND = 64
 """z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
@@ -50,9 +51,12 @@ class Claim(NamedTuple):
     w: jax.Array
     """(m,) ignored where the problem defines w by z."""
     outcome: jax.Array
-    """int32 `Status`: SOLVED, or the reason to give if the residual is not small."""
+    """int32 `Status`: SOLVED, or the reason to give if the residual is not small; NO_SOLUTION if `z` is the best of
+    all candidates."""
     certificate: jax.Array
     """(k + m,) a row combination y said to prove that no feasible point exists; zeros if there is none."""
+    dependent: jax.Array | bool = False
+    """bool: no mode of the problem is regular, so that only part of a solution is determined"""
 
 
 class Verdict(NamedTuple):
@@ -66,6 +70,7 @@ class Verdict(NamedTuple):
     backward_error: jax.Array
     active: jax.Array
     degenerate: jax.Array
+    """(m,) bool"""
     redundant: jax.Array
     condition: jax.Array
 
@@ -74,11 +79,11 @@ def judge(problem, claim):
     """The `Verdict` on a `Claim`, from the problem's own data.
 
     >>> one = jnp.ones(1)
-    >>> judge(LCP(jnp.eye(1), -one), Claim(jnp.zeros(0), one, one, jnp.int32(Status.SOLVED), 0 * one)).status
+    >>> judge(LCP(jnp.eye(1), -one), Claim(one[:0], one, one, jnp.int32(0), 0 * one)).status
     """
     form = normal_form(problem)
     w = slack(problem, form, claim.free, claim.z, claim.w)
-    eta, rho = residuals(problem, form, claim.free, claim.z, claim.w)
+    eta, rho = entrywise(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
     active, degenerate = classify(problem, form, claim.z, w)
     tight = analysed_inverse(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
     condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
@@ -86,38 +91,40 @@ def judge(problem, claim):
         free=claim.free,
         z=claim.z,
         w=w,
-        status=_status(problem, form, claim, w, eta, rho),
+        status=_status(problem, form, claim, w, eta, rho, condition),
         residual=rho,
         backward_error=eta,
         active=active,
-        degenerate=jnp.sum(degenerate).astype(jnp.int32),
+        degenerate=degenerate,
         redundant=~(condition <= CONDITION_BOUND / jnp.finfo(form.q.dtype).eps),
         condition=condition,
     )
 
 
-def _status(problem, form, claim, w, eta, rho):
+def _status(problem, form, claim, w, eta, rho, condition):
     """Truth table, first line that applies:
 
-    data not finite, or a claim of success that overflowed     BAD_INPUT
-    eta and rho small                                          SOLVED (REDUNDANT if the method says so)
-    the method gave a certificate and it holds                 INFEASIBLE
-    the method gave a reason                                   that reason
-    eta small                                                  ILL_CONDITIONED
-    otherwise                                                  INACCURATE
+    data not finite, or a proposed point that overflowed                BAD_INPUT
+    eta small, and rho small or the equations well conditioned          SOLVED (REDUNDANT if dependent)
+    the method gave a certificate and it holds                          INFEASIBLE
+    eta small, and the method proposed the point as solution or best    ILL_CONDITIONED
+    the method gave a reason                                            that reason
+    otherwise                                                           INACCURATE
     """
     finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
     whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
-    claims = (claim.outcome == int(Status.SOLVED)) | (claim.outcome == int(Status.REDUNDANT))
+    claims = claim.outcome == int(Status.SOLVED)
+    proposes = claims | (claim.outcome == int(Status.NO_SOLUTION))
     small = eta <= backward_error_bound(form.q.dtype)
-    solved = acceptable(eta, rho, form.q.dtype)
-    proved = infeasible(problem, form, claim.certificate)
+    solved = acceptable(eta, rho, condition, form.q.dtype)
+    false = jnp.zeros((), bool)
+    proved = where_needed(finite & ~solved, infeasible, false, problem, form, claim.certificate)
     shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
-    redundant = claim.outcome == int(Status.REDUNDANT)
-    good = jnp.where(redundant, int(Status.REDUNDANT), int(Status.SOLVED))
-    failed = jnp.where(proved, int(Status.INFEASIBLE), jnp.where(claims, shaky, claim.outcome))
+    good = jnp.where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
+    reason = jnp.where(claims | (proposes & small), shaky, claim.outcome)
+    failed = jnp.where(proved, int(Status.INFEASIBLE), reason)
     status = jnp.where(solved, good, failed)
-    return jnp.where(finite & (whole | ~claims), status, int(Status.BAD_INPUT)).astype(jnp.int32)
+    return jnp.where(finite & (whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
 
 
 def backward_error_bound(dtype):
@@ -125,9 +132,11 @@ def backward_error_bound(dtype):
     return BACKWARD_ERROR_BOUND[jnp.dtype(dtype).name] * jnp.finfo(dtype).eps
 
 
-def acceptable(eta, rho, dtype):
+def acceptable(eta, rho, condition, dtype):
     """bool: residuals small enough for SOLVED; NaN is not."""
-    return (eta <= backward_error_bound(dtype)) & (rho <= jnp.finfo(dtype).eps ** DIGITS_KEPT)
+    eps = jnp.finfo(dtype).eps
+    telling = (rho <= eps**DIGITS_KEPT) | (condition <= CONDITION_BOUND / eps)
+    return (eta <= backward_error_bound(dtype)) & telling
 
 
 def infeasible(problem, form, y):
@@ -188,13 +197,16 @@ def residuals(problem, form, free, z, w):
     scale_z, scale_w = pair_scales(problem, form)
     size = jnp.maximum(largest(z * scale_z), largest(w * scale_w))
     pair = _ratio(largest(jnp.minimum(z * scale_z, w * scale_w)), size)
-    return jnp.maximum(_ratio(largest(miss), largest(terms)), pair), _ratio(largest(miss), largest(form.q))
+    eta, rho = jnp.maximum(_ratio(largest(miss), largest(terms)), pair), _ratio(largest(miss), largest(form.q))
+    if isinstance(problem, BoxedLCP):
+        return tuple(map(jnp.maximum, (eta, rho), residuals_of_box(problem, free)))
+    return eta, rho
 
 
 def _residuals_of_slack(problem, form, miss, terms, z, w):
     """eta, rho where w is recomputed: equations first, then complementary pairs."""
     k = form.F.shape[1]
-    diagonal, side = jnp.diagonal(form.P[k:]), largest_of_rows(form.P[k:])
+    diagonal, side = diagonal_of(form.P[k:]), largest_of_rows(form.P[k:])
     t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
     rho = _ratio(jnp.maximum(largest(miss), largest(jnp.minimum(t * z, w))), largest(form.q))
     plain = _backward(miss, terms[:k], terms[k:], z, w)

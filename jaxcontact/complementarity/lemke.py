@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact import linalg
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import Scaled, scaled
@@ -101,7 +102,7 @@ class Lemke:
         """One pivot."""
         M, q, m = state.data.M, state.data.q, state.values.shape[0]
         column = self._column(M, state)
-        floor = PIVOT[q.dtype.name] * jnp.finfo(q.dtype).eps * jnp.max(jnp.abs(column))
+        floor = PIVOT[q.dtype.name] * jnp.finfo(q.dtype).eps * linalg.greatest(jnp.abs(column))
         blocking = column > floor
         leaving = _lexicographic_minimum(state.values, state.inverse, column, blocking, state.basis == 2 * m)
         pivoted = _pivot(state, column, leaving)
@@ -166,7 +167,7 @@ def _lexicographic_minimum(values, inverse, column, candidates, preferred=None):
 
     def keep_smallest(tied, entries):
         ratio = jnp.where(tied, entries / safe, jnp.inf)
-        smallest = jnp.min(ratio)
+        smallest = linalg.least(ratio)
         return tied & (ratio <= smallest + tie * (1 + jnp.abs(smallest)))
 
     tied = keep_smallest(candidates, values)
@@ -205,7 +206,7 @@ def _refined(M, q, state):
 
 
 def _violation(M, q, z):
-    return jnp.max(jnp.abs(jnp.minimum(z, dot(M, z) + q)))
+    return linalg.greatest(jnp.abs(jnp.minimum(z, dot(M, z) + q)))
 
 
 def _unknowns(values, basis):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxcontact import linalg
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, balanced
 from jaxcontact.complementarity.problems import LCP
@@ -78,9 +79,9 @@ def _eliminate(carry, weight, k):
     """Take the column with the largest weighted entry left, and spend its row, itself and its twin of the pair."""
     T, rows_left, columns_left, taken = carry
     size = jnp.where(rows_left[:, None] & columns_left[None, :], jnp.abs(T) * weight, 0)
-    best = jnp.max(size)
-    row = first(jnp.max(size, axis=1) == best)
-    column = first(jnp.max(jnp.where(row[:, None], size, -1), axis=0) == best)
+    best = linalg.greatest(size)
+    row = first(linalg.greatest(size, axis=1) == best)
+    column = first(linalg.greatest(jnp.where(row[:, None], size, -1), axis=0) == best)
     go = best > PIVOT_FLOOR * T.shape[0] * jnp.finfo(T.dtype).eps * RELUCTANCE
     pivot = jnp.where(go, jnp.sum(jnp.where(row[:, None] & column[None, :], T, 0)), 1)
     pivot_row = jnp.sum(jnp.where(row[:, None], T, 0), axis=0) / pivot

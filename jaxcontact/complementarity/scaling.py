@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxcontact.complementarity.short import greatest, largest_of_rows
+from jaxcontact.complementarity.short import diagonal_of, greatest, largest_of_rows
 
 EXPONENT_MARGIN = 2
 """Exponents stay this far from the ends of the format, where subnormal numbers lose digits."""
@@ -60,13 +60,13 @@ def row_exponents(M):
     """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 4). Where M_ii <= 0 the
     largest entries of row and column stand in. The parity of the first row goes into every row, so that M 2^a moves all
     e alike for odd a too."""
-    diagonal = jnp.diagonal(M)
+    diagonal = diagonal_of(M)
     across, down = largest_of_rows(M), largest_of_rows(M.T)
     one_sided = jnp.where(across > 0, exponent(across), exponent(down))
-    both = (exponent(across) + exponent(down)) // 2
+    both = (exponent(across) + exponent(down)) >> 1
     fallback = jnp.where((across > 0) & (down > 0), both, one_sided)
     sizes = jnp.where(diagonal > 0, exponent(diagonal), fallback)
-    return -((sizes - sizes[:1] % 2) // 2)
+    return -((sizes - (sizes[:1] & 1)) >> 1)
 
 
 def exponent(x):
@@ -88,7 +88,7 @@ def power_of_two(k, dtype):
 
 def times_power_of_two(x, k):
     """x 2^k in two steps, so that only the product can overflow and not the factor."""
-    half = k // 2
+    half = k >> 1
     return x * power_of_two(half, x.dtype) * power_of_two(k - half, x.dtype)
 
 

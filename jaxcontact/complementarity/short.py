@@ -6,11 +6,19 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxcontact import linalg
+from jaxcontact.linalg import fused
+
 SCALARS = 4
 """Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""
 
-UNROLLED = 2
-"""Up to this size the elimination is unrolled, so that XLA fuses it over a batch; beyond, a loop compiles faster."""
+UNROLLED = 4
+"""Loops of up to this many steps are unrolled, so that XLA fuses them over a batch; beyond, a loop compiles faster."""
+
+
+def entrywise(function, size):
+    """`function` as a program on scalars where the arrays are short."""
+    return fused(function) if size <= SCALARS else function
 
 
 def dot(A, x):
@@ -34,12 +42,19 @@ def greatest(x, initial):
     """The largest entry of an array, or `initial` if that is larger or there is none; NaN if one entry is."""
     if 0 < x.size <= SCALARS:
         return functools.reduce(jnp.maximum, [x[i] for i in np.ndindex(*x.shape)], jnp.array(initial, x.dtype))
-    return jnp.max(x, initial=initial)
+    return linalg.greatest(x, initial=initial)
 
 
 def largest_of_rows(A):
     """(n,) max_j |A_ij|; 0 where there is no column."""
-    return jnp.stack([largest(row) for row in A]) if 0 < len(A) <= SCALARS else jnp.max(jnp.abs(A), axis=1, initial=0)
+    return (
+        jnp.stack([largest(row) for row in A]) if 0 < len(A) <= SCALARS else linalg.greatest(jnp.abs(A), 1, initial=0)
+    )
+
+
+def diagonal_of(A):
+    """(n,) A_ii, as a sum over a row with one entry left."""
+    return jnp.sum(jnp.where(np.eye(len(A), dtype=bool), A, 0), axis=1)
 
 
 def counted(times, advance, carry):

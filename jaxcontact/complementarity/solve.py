@@ -7,17 +7,26 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.complementarity.conversions import horizontal_as_ave
-from jaxcontact.complementarity.derivative import attach
+from jaxcontact.complementarity.derivative import attach, weights
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse
 from jaxcontact.complementarity.judge import Claim, judge, pair_scales, residuals
 from jaxcontact.complementarity.method import Answer
-from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, HorizontalLCP, Problem, check_finite
+from jaxcontact.complementarity.problems import (
+    LCP,
+    MLCP,
+    AbsoluteValueEquation,
+    BoxedLCP,
+    HorizontalLCP,
+    Problem,
+    check_values,
+)
 from jaxcontact.complementarity.records import unchecked
 from jaxcontact.complementarity.reduction import reduce_to_lcp
 from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.solution import Solution
 from jaxcontact.complementarity.status import Status
+from jaxcontact.linalg import in_chunks
 
 
 def solve(problem, method, start=None):
@@ -37,12 +46,11 @@ def solve(problem, method, start=None):
 @partial(jax.jit, static_argnames=("method",))
 def _solved(problem, method, start):
     fixed = lax.stop_gradient(problem)
-    start, start_used = _usable(start, sizes(problem)[1])
-    claim, steps = _claimed(fixed, method, start)
-    verdict = judge(fixed, claim)
+    start, start_used = _usable(lax.stop_gradient(start), sizes(problem)[1])
+    verdict, steps = _answer(method, sizes(problem)[1])(fixed, start)
     answered = (verdict.status == int(Status.SOLVED)) | (verdict.status == int(Status.REDUNDANT))
     point = [jnp.where(answered, part, jnp.nan) for part in (verdict.free, verdict.z, verdict.w)]
-    free, z, w = attach(problem, *point)
+    free, z, w = attach(problem, *point, weights(verdict.active, verdict.degenerate, verdict.z.dtype))
     return Solution(
         z=z,
         w=w,
@@ -52,7 +60,7 @@ def _solved(problem, method, start):
         backward_error=verdict.backward_error,
         steps=steps,
         active=verdict.active & answered,
-        degenerate=jnp.where(answered, verdict.degenerate, 0),
+        degenerate=jnp.where(answered, jnp.sum(verdict.degenerate), 0).astype(jnp.int32),
         redundant=verdict.redundant & answered,
         condition=verdict.condition,
         attempt=verdict.z,
@@ -60,24 +68,42 @@ def _solved(problem, method, start):
     )
 
 
+CHUNK_ENTRIES = 2**14
+"""Numbers in the (lanes, m, m) array of a chunk: 128 kB in float64, so that an iteration stays in the cache."""
+
+CHUNK_LANES = 2**12
+"""Largest number of problems in a chunk."""
+
+
+def _answer(method, m):
+    """A function from problem and start to verdict and steps; methods that iterate run chunk by chunk in a batch."""
+
+    def answer(problem, start):
+        claim, steps = _claimed(problem, method, start)
+        return judge(problem, claim), steps
+
+    if m == 0 or method.budget(m) == 0:
+        return answer
+    return in_chunks(answer, min(CHUNK_LANES, max(1, CHUNK_ENTRIES // m**2)))
+
+
 def _claimed(problem, method, start):
     """The method's `Claim` on the normal form of the problem, and its steps."""
-    if getattr(method, "kind", LCP) is AbsoluteValueEquation and not isinstance(problem, MLCP):
+    if getattr(method, "kind", LCP) is AbsoluteValueEquation and not isinstance(problem, MLCP | BoxedLCP):
         return _claimed_as_ave(problem, method, start)
     if isinstance(problem, LCP):
         answer, steps = iterate(problem, method, start)
-        return Claim(problem.q[:0], answer.z, answer.z, answer.outcome, answer.certificate), steps
+        return Claim(problem.q[:0], *answer[:1], *answer), steps
     form = normal_form(problem)
     reduction = reduce_to_lcp(form)
     inner = None if start is None else jnp.where(reduction.eliminated, 0, start)
     answer, steps = iterate(reduction.lcp, method, inner)
     point = _polished(problem, form, reduction.back(answer.z))
-    success = answer.outcome == int(Status.SOLVED)
-    outcome = jnp.where(success & reduction.dependent, int(Status.REDUNDANT), answer.outcome)
     certificate = dot(answer.certificate, reduction.transform)
-    certificate = jnp.where(reduction.dependent & success, reduction.contradiction, certificate)
+    silent = reduction.dependent & jnp.all(answer.certificate == 0)
+    certificate = jnp.where(silent, reduction.contradiction, certificate)
     free = _least_norm(form.F, point[0], reduction.dependent)
-    return Claim(free, *point[1:], outcome, certificate), steps
+    return Claim(free, *point[1:], answer.outcome, certificate, reduction.dependent), steps
 
 
 def _claimed_as_ave(problem, method, start):
@@ -120,6 +146,8 @@ def iterate(problem, method, start):
     if m == 0:
         return Answer(q, jnp.int32(Status.SOLVED), q), jnp.int32(0)
     budget = method.budget(m)
+    if budget == 0:
+        return method.read(problem, method.init(problem, start)), jnp.int32(0)
 
     def unfinished(carry):
         state, steps = carry
@@ -146,11 +174,10 @@ def _check_door(problem, method, start):
         raise TypeError(f"solve: expected a problem such as LCP(M, q), got {type(problem).__name__}")
     if isinstance(method, type) or not all(hasattr(method, verb) for verb in ("init", "step", "read", "budget")):
         raise TypeError(f"solve: expected a method such as Lemke(), got {method!r}")
-    vector = {"LCP": "q", "HorizontalLCP": "q", "MLCP": "b", "AbsoluteValueEquation": "w"}[type(problem).__name__]
+    vector = {"MLCP": "b", "AbsoluteValueEquation": "w"}.get(type(problem).__name__, "q")
     values = getattr(problem, vector)
     if values.ndim != 1:
         raise ValueError(f"solve: takes one problem, got {vector} {values.shape}; write jax.vmap(solve, (0, None))")
-    for name, array in vars(problem).items():
-        check_finite(f"{type(problem).__name__}.{name}", array)
-    if start is not None and jnp.shape(start) != values.shape:
-        raise ValueError(f"solve: start has shape {jnp.shape(start)}, the problem needs {values.shape}")
+    check_values(problem)
+    if start is not None and jnp.shape(start) != (pairs := sizes(problem)[1:]):
+        raise ValueError(f"solve: start has shape {jnp.shape(start)}, the problem needs {pairs}")

@@ -64,8 +64,8 @@ def is_definite(M: Array) -> Array:
 
 def _stiffness(M: Array, G: Array) -> Array:
     """gamma: as stiff as the largest mass along the longest gradient. Any positive number would do."""
-    size = jnp.max(jnp.sum(G * G, axis=0), initial=0)
-    return lax.stop_gradient(jnp.max(jnp.abs(M), initial=0) / jnp.where(size > 0, size, 1))
+    size = linalg.greatest(jnp.sum(G * G, axis=0), initial=0)
+    return lax.stop_gradient(linalg.greatest(jnp.abs(M), initial=0) / jnp.where(size > 0, size, 1))
 
 
 def _is_semidefinite(M: Array, stiffer: Array) -> Array:

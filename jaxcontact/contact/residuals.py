@@ -27,7 +27,7 @@ class Residuals(NamedTuple):
 
     @property
     def largest(self) -> Array:
-        return jnp.max(jnp.stack(self))
+        return linalg.greatest(jnp.stack(self))
 
 
 class Motion(NamedTuple):
@@ -79,7 +79,7 @@ def _unit_of_coordinates(M: Array) -> Array:
 
 
 def _largest(x: Array) -> Array:
-    return jnp.max(jnp.abs(x), initial=0)
+    return linalg.greatest(jnp.abs(x), initial=0)
 
 
 def _ratio(x: Array, size: Array) -> Array:

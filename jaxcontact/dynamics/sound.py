@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from .. import linalg
 from .records import State
 
 OFF_CONSTRAINT = 0.5
@@ -55,8 +56,8 @@ def closed_and_kept(parts: Any, state: State) -> tuple[Array, Array]:
     """(m,), (m,) bool: the gap is closed; it stays so. Both within half the digits of what its terms may add up to."""
     share = float(jnp.finfo(parts.gap.dtype).eps) ** OFF_CONSTRAINT
     steep = jnp.sum(jnp.abs(parts.G), axis=0)
-    closed = jnp.abs(parts.gap) <= share * steep * jnp.max(jnp.abs(state.q), initial=0)
-    return closed, jnp.abs(parts.gap_rate) <= share * steep * jnp.max(jnp.abs(state.v), initial=0)
+    closed = jnp.abs(parts.gap) <= share * steep * linalg.greatest(jnp.abs(state.q), initial=0)
+    return closed, jnp.abs(parts.gap_rate) <= share * steep * linalg.greatest(jnp.abs(state.v), initial=0)
 
 
 def _refuse_open(owner: str, mechanism: Any, parts: Any, state: State) -> None:

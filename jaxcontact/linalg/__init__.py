@@ -1,7 +1,9 @@
 """Small dense linear algebra that batches: factors, solves, singular values."""
 
+from jaxcontact.linalg.batches import in_chunks, where_needed
 from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
 from jaxcontact.linalg.decomposition import decomposition
+from jaxcontact.linalg.extrema import greatest, least
 from jaxcontact.linalg.factors import (
     cholesky,
     det,
@@ -32,6 +34,9 @@ __all__ = [
     "dot",
     "fused",
     "gram",
+    "greatest",
+    "in_chunks",
+    "least",
     "project_out",
     "real_eigenvalue_max",
     "shield",
@@ -47,4 +52,5 @@ __all__ = [
     "symmetric_eigenvalue_min",
     "two_product",
     "two_sum",
+    "where_needed",
 ]

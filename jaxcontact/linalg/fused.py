@@ -9,7 +9,9 @@ A product with a structural zero is zero. Not so where the other factor comes fr
 that was not shielded by `shield`: there 0 * inf must stay NaN, and such factors are kept track of as wild.
 """
 
+import itertools
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import jax
@@ -22,6 +24,7 @@ from jaxcontact.linalg.scalar_rules import (
     ELEMENTWISE,
     FOLD,
     KNOWN,
+    REDUCTIONS,
     SHIELDED,
     STRUCTURE,
     Entries,
@@ -118,8 +121,10 @@ class _Reader:
             return [STRUCTURE[name](step.outvars[0].aval, params, *parts)]
         if small and name in ELEMENTWISE:
             return [self._elementwise(step, [self._entries(x) for x in inputs])]
-        if small and name == "reduce_sum":
-            return [self._sum(step, self._entries(inputs[0]))]
+        if small and name in REDUCTIONS and (step.invars[0].aval.size or name == "reduce_sum"):
+            return [self._reduced(step, self._entries(inputs[0]))]
+        if small and name == "cumsum":
+            return [self._summed_up(step, self._entries(inputs[0]))]
         if small and name == "dot_general" and not params["dimension_numbers"][1][0]:
             return [self._dot(step, *map(self._entries, inputs))]
         results = _as_it_stands(program, step, inputs)
@@ -148,25 +153,37 @@ class _Reader:
 
     def _elementwise(self, step, operands: list[Entries]) -> Entries:
         aval = step.outvars[0].aval
-        size = aval.size
-        spread = [x.flat * size if len(x.flat) == 1 and size != 1 else x.flat for x in operands]
+        spread = [[x.flat[i] for i in np.broadcast_to(places(x), aval.shape).flat] for x in operands]
         flat = [self._scalar(step.primitive, step.params, row) for row in zip(*spread, strict=True)]
         return Entries(aval.shape, aval.dtype, flat)
 
-    def _sum(self, step, x: Entries) -> Entries:
+    def _reduced(self, step, x: Entries) -> Entries:
         aval = step.outvars[0].aval
         kept = [a for a in range(len(x.shape)) if a not in step.params["axes"]]
-        rows = places(x).transpose(*kept, *step.params["axes"]).reshape(aval.size, -1)
-        return Entries(aval.shape, aval.dtype, [self._total([x.flat[i] for i in row], aval.dtype) for row in rows])
+        rows = _lines(x, kept, step.params["axes"])
+        join = REDUCTIONS[step.primitive.name]
+        if join is lax.add_p:
+            return Entries(aval.shape, aval.dtype, [self._total([x.flat[i] for i in row], aval.dtype) for row in rows])
+        joined = [reduce(lambda a, b: self._scalar(join, {}, (a, b)), [x.flat[i] for i in row]) for row in rows]
+        return Entries(aval.shape, aval.dtype, joined)
+
+    def _summed_up(self, step, x: Entries) -> Entries:
+        """Running sums along an axis."""
+        lines = np.moveaxis(places(x), step.params["axis"], 0)
+        lines = lines[::-1] if step.params["reverse"] else lines
+        flat = list(x.flat)
+        for before, after in itertools.pairwise(lines.reshape(len(lines), -1)):
+            for i, j in zip(before, after, strict=True):
+                flat[j] = self._scalar(lax.add_p, None, (flat[i], flat[j]))
+        return Entries(x.shape, x.dtype, flat)
 
     def _dot(self, step, a: Entries, b: Entries) -> Entries:
         aval = step.outvars[0].aval
         (over_a, over_b), _ = step.params["dimension_numbers"]
         free_a = [k for k in range(len(a.shape)) if k not in over_a]
         free_b = [k for k in range(len(b.shape)) if k not in over_b]
-        count = int(np.prod([a.shape[k] for k in over_a], dtype=int))
-        rows = places(a).transpose(*free_a, *over_a).reshape(-1, count)
-        columns = places(b).transpose(*free_b, *over_b).reshape(-1, count)
+        rows = _lines(a, free_a, over_a)
+        columns = _lines(b, free_b, over_b)
         flat = [
             self._total([self._scalar(lax.mul_p, None, (a.flat[i], b.flat[j])) for i, j in zip(r, c)], aval.dtype)
             for r in rows
@@ -201,6 +218,13 @@ class _Reader:
         if primitive.name in SHIELDED and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating):
             return screened(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
         return primitive.bind(*operands, **params)
+
+
+def _lines(x: Entries, kept, over) -> np.ndarray:
+    """The places of the entries, one line of those that are summed for each that stays."""
+    count = int(np.prod([x.shape[axis] for axis in kept], dtype=int))
+    along = int(np.prod([x.shape[axis] for axis in over], dtype=int))
+    return places(x).transpose(*kept, *over).reshape(count, along)
 
 
 def _as_it_stands(program, step, inputs: list) -> list:

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.linalg.extrema import greatest
 from jaxcontact.linalg.unrolled import Scalar, inner, largest, power_of_two_scale, shield
 
 Column = list[Scalar]
@@ -62,7 +63,7 @@ def _decompose(X: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     n, m = X.shape
     if 0 in X.shape:
         return X, jnp.zeros(m, X.dtype), jnp.eye(m, dtype=X.dtype)
-    scale, inverse = power_of_two_scale(jnp.max(jnp.abs(X)))
+    scale, inverse = power_of_two_scale(greatest(jnp.abs(X)))
     X = X * inverse
     order = jnp.argsort(-jnp.sum(X * X, axis=0))
     stacked = _rounds(jnp.concatenate([X, jnp.eye(m, dtype=X.dtype)])[:, order], n)

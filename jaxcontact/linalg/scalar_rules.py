@@ -88,7 +88,14 @@ def _joined(join: Callable, axis: str) -> Callable:
     return rule
 
 
+def _iota(aval, params):
+    along = np.arange(aval.shape[params["dimension"]]).astype(aval.dtype)
+    shape = [-1 if axis == params["dimension"] else 1 for axis in range(len(aval.shape))]
+    return Entries(aval.shape, aval.dtype, list(np.broadcast_to(along.reshape(shape), aval.shape).reshape(-1)))
+
+
 STRUCTURE = {
+    "iota": _iota,
     "slice": _slice,
     "broadcast_in_dim": _broadcast,
     "concatenate": _joined(np.concatenate, "dimension"),
@@ -107,7 +114,15 @@ ELEMENTWISE = {
     *("shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor"),
 }
 
-KNOWN = {*STRUCTURE, *ELEMENTWISE, "reduce_sum", "dot_general", "custom_jvp_call"}
+REDUCTIONS = {
+    "reduce_sum": lax.add_p,
+    "reduce_max": lax.max_p,
+    "reduce_min": lax.min_p,
+    "reduce_and": lax.and_p,
+    "reduce_or": lax.or_p,
+}
+
+KNOWN = {*STRUCTURE, *ELEMENTWISE, *REDUCTIONS, "cumsum", "dot_general", "custom_jvp_call"}
 
 
 # --- folding
@@ -147,7 +162,19 @@ def _fold_neg(x):
     return -x if _constant(x) else None
 
 
-FOLD = {"mul": _fold_mul, "add": _fold_add, "add_any": _fold_add, "sub": _fold_sub, "div": _fold_div, "neg": _fold_neg}
+def _fold_select(which, *cases):
+    return cases[int(which)] if _constant(which) else None
+
+
+FOLD = {
+    "add": _fold_add,
+    "add_any": _fold_add,
+    "div": _fold_div,
+    "mul": _fold_mul,
+    "neg": _fold_neg,
+    "select_n": _fold_select,
+    "sub": _fold_sub,
+}
 
 
 # --- what may leave the finite numbers

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg.compensated import det2
+from jaxcontact.linalg.extrema import greatest
 from jaxcontact.linalg.singular import singular_pair_min
 from jaxcontact.linalg.unrolled import inner, largest, power_of_two_scale, shield
 
@@ -59,7 +60,7 @@ def _largest_of_many(X: jax.Array) -> jax.Array:
     values = jnp.linalg.eigvals(X)
     size = REAL * float(jnp.finfo(X.dtype).eps) * jnp.linalg.norm(X)
     positive = (jnp.abs(values.imag) <= size) & (values.real > 0)
-    largest_value = jnp.max(jnp.where(positive, values.real, 0))
+    largest_value = greatest(jnp.where(positive, values.real, 0))
     return jnp.where(jnp.any(jnp.isnan(X)), jnp.nan, largest_value)
 
 

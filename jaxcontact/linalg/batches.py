@@ -1,0 +1,101 @@
+"""What a batch can save as a whole: chunks that stay in the cache, and work that few lanes need.
+
+Functions are written for one problem; these rules say what `jax.vmap` makes of them. A vmap of a vmap is one batch.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.custom_batching import custom_vmap
+
+
+def in_chunks(function: Callable, lanes: int) -> Callable:
+    """`function`, which under vmap runs over at most `lanes` problems at a time.
+
+    A loop then ends with the slowest lane of its chunk, not of the batch, and its state stays in the cache. On
+    accelerators the batch stays whole. Not to be differentiated.
+
+    >>> jax.vmap(in_chunks(lambda x: lax.while_loop(lambda y: y < 1, lambda y: 2 * y, x), 256))(x)
+    """
+
+    function = jax.jit(function)  # traced once, batched twice
+
+    @custom_vmap
+    def many(*arguments):
+        if jax.default_backend() != "cpu":
+            return jax.vmap(function)(*arguments)
+        return _chunk_by_chunk(jax.vmap(function), lanes, arguments)
+
+    @many.def_vmap
+    def _(size, batched, *arguments):
+        flat = [x.reshape(-1, *x.shape[2:]) for x in _spread(size, batched, arguments)]
+        results = many(*jax.tree.unflatten(jax.tree.structure(arguments), flat))
+        results = jax.tree.map(lambda x: x.reshape(size, -1, *x.shape[1:]), results)
+        return results, jax.tree.map(lambda _: True, results)
+
+    @custom_vmap
+    def one(*arguments):
+        return function(*arguments)
+
+    @one.def_vmap
+    def _(size, batched, *arguments):
+        spread = _spread(size, batched, arguments)
+        results = many(*jax.tree.unflatten(jax.tree.structure(arguments), spread))
+        return results, jax.tree.map(lambda _: True, results)
+
+    return one
+
+
+def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
+    """`function(*arguments)` where `needed` (a bool) holds, else `otherwise`; a batch of which no lane needs it skips
+    it. Not to be differentiated.
+
+    >>> where_needed(~solved, proof_of_infeasibility, jnp.zeros((), bool), M, q)
+    """
+
+    @custom_vmap
+    def one(needed, otherwise, *arguments):
+        return lax.cond(needed, function, lambda *_: otherwise, *arguments)
+
+    @one.def_vmap
+    def _(size, batched, *given):
+        axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
+
+        def lane(needed, otherwise, *arguments):
+            return jax.tree.map(lambda a, b: jnp.where(needed, a, b), function(*arguments), otherwise)
+
+        def idle(_, otherwise, *__):
+            return otherwise
+
+        def over(choice):
+            return lambda *given: jax.vmap(choice, axes, axis_size=size)(*given)
+
+        results = lax.cond(jnp.any(given[0]), over(lane), over(idle), *given)
+        return results, jax.tree.map(lambda _: True, results)
+
+    return one(needed, otherwise, *arguments)
+
+
+def _spread(size, batched, arguments):
+    """The leaves with the batch axis in front, also where they had none."""
+    flags = jax.tree.leaves(batched)
+    leaves = jax.tree.leaves(arguments)
+    return [x if b else jnp.broadcast_to(x, (size, *x.shape)) for x, b in zip(leaves, flags, strict=True)]
+
+
+def _chunk_by_chunk(function, lanes, arguments):
+    size = len(jax.tree.leaves(arguments)[0])
+    if size <= lanes:
+        return function(*arguments)
+    count = -(-size // lanes)
+    missing = count * lanes - size
+
+    def cut(x):
+        """The last lane fills the last chunk: it cannot take longer than it does anyway."""
+        full = jnp.concatenate([x, jnp.broadcast_to(x[-1:], (missing, *x.shape[1:]))])
+        return full.reshape(count, lanes, *x.shape[1:])
+
+    results = lax.map(lambda chunk: function(*chunk), jax.tree.map(cut, arguments))
+    return jax.tree.map(lambda x: x.reshape(count * lanes, *x.shape[2:])[:size], results)

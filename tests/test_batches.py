@@ -1,0 +1,81 @@
+"""What holds of a batch as of each of its problems: NaN is never lost, chunks and skipped work change nothing."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcontact as jc
+from jaxcontact import linalg
+
+MANY = 5000
+"""XLA's own maximum drops NaN on a CPU once a loop is vectorised, from about a thousand lanes (openxla/xla 21461)."""
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@pytest.mark.parametrize("place", [0, 2, 5])
+def test_no_extremum_loses_nan(dtype, place):
+    x = np.zeros((MANY, 6), dtype)
+    x[:, place] = np.nan
+    for found in (linalg.greatest, linalg.least):
+        assert np.isnan(jax.jit(jax.vmap(found))(jnp.asarray(x))).all()
+        assert np.isnan(jax.jit(lambda x, found=found: found(x, 0))(jnp.asarray(x))[place])
+
+
+def test_extrema_of_numbers_are_those_of_numpy():
+    x = np.random.default_rng(0).normal(size=(7, 5))
+    assert np.array_equal(linalg.greatest(jnp.asarray(x), 1), x.max(1))
+    assert np.array_equal(linalg.least(jnp.asarray(x), 0), x.min(0))
+    assert linalg.greatest(jnp.zeros((0,)), initial=0) == 0
+    assert linalg.greatest(jnp.arange(3)) == 2
+    with pytest.raises(ValueError, match="zero-size"):
+        linalg.least(jnp.zeros((0,)))
+
+
+def test_in_a_large_batch_bad_lanes_are_bad_and_the_others_untouched():
+    rng = np.random.default_rng(1)
+    m = 6
+    A = rng.normal(size=(MANY, m, m))
+    M, q = A @ A.transpose(0, 2, 1) + np.eye(m), rng.normal(size=(MANY, m))
+    poisoned = M.copy()
+    poisoned[::7, 3, 2] = np.nan
+    solve = jax.jit(jax.vmap(lambda M, q: jc.solve(jc.LCP(M, q), jc.Lemke())))
+    clean, dirty = solve(M, q), solve(poisoned, q)
+    bad = np.arange(MANY) % 7 == 0
+    assert (np.asarray(dirty.status)[bad] == jc.Status.BAD_INPUT).all()
+    assert np.isnan(np.asarray(dirty.z)[bad]).all()
+    assert (np.asarray(clean.status) == jc.Status.SOLVED).all()
+    assert np.array_equal(np.asarray(dirty.z)[~bad], np.asarray(clean.z)[~bad])
+
+
+def halvings(x):
+    """How often a number can be halved before it is below one: a loop that ends at another time in every lane."""
+    return jax.lax.while_loop(lambda c: c[0] >= 1, lambda c: (c[0] / 2, c[1] + 1), (x, 0))[1]
+
+
+@pytest.mark.parametrize("size", [0, 1, 4, 5, 11])
+def test_chunks_are_the_batch(size):
+    x = jnp.asarray(2.0 ** np.arange(size) * 1.5)
+    chunked = linalg.in_chunks(halvings, 4)
+    assert np.array_equal(jax.vmap(chunked)(x), np.arange(size) + 1)
+    assert np.array_equal(jax.jit(jax.vmap(jax.vmap(chunked, 0), 0))(x.reshape(1, -1)), np.arange(size)[None] + 1)
+
+
+def test_skipped_work_is_as_if_done():
+    def square(x):
+        return {"value": x * x}
+
+    def chosen(x, limit):
+        return linalg.where_needed(x > limit, square, {"value": -x}, x)["value"]
+
+    x = jnp.arange(6.0)
+    for limit in (-1.0, 2.5, 9.0):
+        expected = np.where(np.arange(6) > limit, np.arange(6.0) ** 2, -np.arange(6.0))
+        over = jax.vmap(chosen, (0, None))
+        assert np.array_equal([chosen(x[i], limit) for i in range(6)], expected)
+        assert np.array_equal(over(x, limit), expected)
+        assert np.array_equal(jax.jit(over)(x, limit), expected)
+        assert np.array_equal(jax.vmap(over, (0, None))(x.reshape(2, 3), limit), expected.reshape(2, 3))
+    limits = jnp.array([-1.0, 2.5, 9.0])
+    rows = jax.vmap(over, (None, 0))(x, limits)
+    assert np.array_equal(rows, [over(x, limit) for limit in limits])
