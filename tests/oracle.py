@@ -105,3 +105,26 @@ def _basic(A, b, support):
     if any(row[-1] != 0 for row in rows[len(support) :]):
         return None
     return {j: rows[i][-1] for i, j in enumerate(support)}
+
+
+def boxed(M, q, lower, upper):
+    """The x with lower <= x <= upper and M x + q >= 0, = 0, <= 0 at the lower bound, between, at the upper bound: that
+    of the first of 3^m modes that holds; modes with singular equations are passed over. None if no mode holds."""
+    M, q = rational(M), rational([q])[0]
+    m, infinite = len(q), float("inf")
+    lower, upper = ([b if abs(b) == infinite else Fraction(float(b)) for b in bound] for bound in (lower, upper))
+    for mode in product((-1, 0, 1), repeat=m):
+        held = [(lower, None, upper)[side + 1][i] if side else None for i, side in enumerate(mode)]
+        if infinite in map(abs, (h for h in held if h is not None)):
+            continue
+        between = [i for i in range(m) if mode[i] == 0]
+        load = [q[i] + sum(M[i][j] * held[j] for j in range(m) if mode[j]) for i in range(m)]
+        inner = solve([[M[i][j] for j in between] for i in between], [-load[i] for i in between])
+        if inner is None:
+            continue
+        x = [inner[between.index(i)] if mode[i] == 0 else held[i] for i in range(m)]
+        w = [sum(M[i][j] * x[j] for j in range(m)) + q[i] for i in range(m)]
+        inside = all(low <= value <= high for low, value, high in zip(lower, x, upper))
+        if inside and all(w[i] == 0 if mode[i] == 0 else mode[i] * w[i] <= 0 or lower[i] == upper[i] for i in range(m)):
+            return x
+    return None

@@ -4,9 +4,12 @@ from jaxcontact.complementarity.banach import Banach as Banach
 from jaxcontact.complementarity.banach import contraction_rate as contraction_rate
 from jaxcontact.complementarity.conversions import ave_as_horizontal as ave_as_horizontal
 from jaxcontact.complementarity.conversions import ave_as_lcp as ave_as_lcp
+from jaxcontact.complementarity.conversions import boxed_as_lcp as boxed_as_lcp
+from jaxcontact.complementarity.conversions import boxed_as_mlcp as boxed_as_mlcp
 from jaxcontact.complementarity.conversions import horizontal_as_ave as horizontal_as_ave
 from jaxcontact.complementarity.conversions import horizontal_as_lcp as horizontal_as_lcp
 from jaxcontact.complementarity.conversions import lcp_as_ave as lcp_as_ave
+from jaxcontact.complementarity.conversions import lcp_as_boxed as lcp_as_boxed
 from jaxcontact.complementarity.conversions import lcp_as_horizontal as lcp_as_horizontal
 from jaxcontact.complementarity.conversions import mlcp_as_lcp as mlcp_as_lcp
 from jaxcontact.complementarity.derivative import implicit as implicit
@@ -22,6 +25,7 @@ from jaxcontact.complementarity.method import Method as Method
 from jaxcontact.complementarity.problems import LCP as LCP
 from jaxcontact.complementarity.problems import MLCP as MLCP
 from jaxcontact.complementarity.problems import AbsoluteValueEquation as AbsoluteValueEquation
+from jaxcontact.complementarity.problems import BoxedLCP as BoxedLCP
 from jaxcontact.complementarity.problems import HorizontalLCP as HorizontalLCP
 from jaxcontact.complementarity.solution import Solution as Solution
 from jaxcontact.complementarity.solve import solve as solve

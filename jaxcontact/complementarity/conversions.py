@@ -13,7 +13,7 @@ problem to (free, z, w) of this one. All rest on two facts:
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import normal_form
-from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, HorizontalLCP
+from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, BoxedLCP, HorizontalLCP
 from jaxcontact.complementarity.records import unchecked
 from jaxcontact.complementarity.reduction import reduce_to_lcp
 
@@ -86,6 +86,47 @@ def mlcp_as_lcp(problem: MLCP):
     """
     reduction = reduce_to_lcp(normal_form(problem))
     return reduction.lcp, lambda z, w: reduction.back(z)
+
+
+def lcp_as_boxed(problem: LCP):
+    """0 <= x, without upper bounds.
+
+    >>> boxed, back = lcp_as_boxed(LCP(M, q)); z, w = back(solution.z, solution.w)[1:]
+    """
+    m, zero = problem.q.shape[0], jnp.zeros_like(problem.q)
+    other = unchecked(BoxedLCP, M=problem.M, q=problem.q, lower=zero, upper=zero + jnp.inf)
+    return other, lambda z, w: (z[:0], z[:m], w[:m])
+
+
+def boxed_as_lcp(problem: BoxedLCP):
+    """Of twice the size: [[M, I], [-I, 0]] in x - lower and b >= 0 where the lower bounds are finite, with x eliminated
+    by its row of M where not (module `boxed`; solvable for all bounds if M is a P-matrix).
+
+    >>> lcp, back = boxed_as_lcp(BoxedLCP(M, q, lower, upper)); x, z, w = back(y, None)
+    """
+    reduction = reduce_to_lcp(normal_form(problem))
+    return reduction.lcp, lambda z, w: reduction.back(z)
+
+
+def boxed_as_mlcp(problem: BoxedLCP):
+    """u = x is free, and z, w of the boxed problem are v, w of the mixed one; an infinite
+    bound gives 0 <= v ⟂ v - idle. The way back needs x too: `back(u, v, w)` is (x, z, w).
+
+    >>> mixed, back = boxed_as_mlcp(BoxedLCP(M, q, lower, upper))
+    """
+    form, m = normal_form(problem), problem.q.shape[0]
+    weight = jnp.diagonal(form.N[m:])
+    weight = jnp.where(weight == 0, 1, weight)  # powers of two: no digit changes
+    other = unchecked(
+        MLCP,
+        A=form.F[:m],
+        C=form.P[:m],
+        a=form.q[:m],
+        D=form.F[m:] / weight[:, None],
+        B=form.P[m:] / weight[:, None],
+        b=form.q[m:] / weight,
+    )
+    return other, lambda u, v, w: (u, v, w)
 
 
 def _same(z, w):

@@ -35,7 +35,9 @@ def normal_form(problem) -> NormalForm:
 
     >>> normal_form(LCP(jnp.eye(2), jnp.ones(2))).N     # the identity
     """
-    raise TypeError(f"expected LCP, MLCP, HorizontalLCP or AbsoluteValueEquation, got {type(problem).__name__}")
+    raise TypeError(
+        f"expected LCP, MLCP, HorizontalLCP, AbsoluteValueEquation or BoxedLCP, got {type(problem).__name__}"
+    )
 
 
 @normal_form.register

@@ -94,7 +94,57 @@ class AbsoluteValueEquation:
         _check(self, "AbsoluteValueEquation", A=("m", "m"), B=("m", "m"), w=("m",))
 
 
-Problem = LCP | MLCP | HorizontalLCP | AbsoluteValueEquation
+@record
+class BoxedLCP:
+    """Boxed problem: lower <= x <= upper and, with w = M x + q, w_i >= 0 where x_i = lower_i, w_i <= 0 where
+    x_i = upper_i, w_i = 0 between (the affine variational inequality over a box; Facchinei and Pang 2003, chapter 1).
+
+    Bounds may be infinite, both of one x_i too, and equal: then x_i is given and w_i of any sign. Raises ValueError for
+    NaN, lower > upper, lower = inf and upper = -inf. A solution stores x in `free`, z = (x - lower, b) and
+    w = (a, upper - x), (2 m,) each, with M x + q = a - b; see `complementarity.boxed` for infinite and equal bounds.
+
+    >>> BoxedLCP([[2.0]], [-5.0], lower=[0.0], upper=[1.0])     # x = 1, M x + q = -3
+    """
+
+    M: jax.Array
+    """(m, m); unit of w per unit of x."""
+    q: jax.Array
+    """(m,); unit of w."""
+    lower: jax.Array
+    """(m,); unit of x."""
+    upper: jax.Array
+    """(m,); unit of x."""
+
+    def __post_init__(self):
+        _check(self, "BoxedLCP", M=("m", "m"), q=("m",), lower=("m",), upper=("m",))
+
+
+Problem = LCP | MLCP | HorizontalLCP | AbsoluteValueEquation | BoxedLCP
+
+
+def check_values(problem):
+    """Raise ValueError on the first concrete number that cannot be meant: NaN, infinities, bounds that exclude each
+    other. Nothing is said of traced numbers."""
+    kind = type(problem).__name__
+    for name, array in vars(problem).items():
+        if not (kind == "BoxedLCP" and name in ("lower", "upper")):
+            check_finite(f"{kind}.{name}", array)
+    if isinstance(problem, BoxedLCP):
+        _check_bounds(problem.lower, problem.upper)
+
+
+def _check_bounds(lower, upper):
+    """Raise on the first pair of concrete bounds between which there is no number."""
+    if isinstance(lower, jax.core.Tracer) or isinstance(upper, jax.core.Tracer):
+        return
+    lower, upper = np.asarray(lower), np.asarray(upper)
+    bad = np.argwhere(~((lower <= upper) & (lower < np.inf) & (upper > -np.inf)))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        raise ValueError(
+            f"BoxedLCP: lower{list(index)} is {lower[index]} and upper{list(index)} is {upper[index]}; "
+            f"expected lower <= upper, lower < inf, upper > -inf"
+        )
 
 
 def _check(problem, kind, **axes):
@@ -104,9 +154,9 @@ def _check(problem, kind, **axes):
         raise TypeError(f"{kind}: one dtype for all arrays, got {_describe(arrays)}; cast them before building it")
     _check_shapes(kind, arrays, axes)
     for name, array in arrays.items():
-        if array.ndim == len(axes[name]):
-            check_finite(f"{kind}.{name}", array)
         object.__setattr__(problem, name, array)
+    if all(array.ndim == len(axes[name]) for name, array in arrays.items()):
+        check_values(problem)
 
 
 def _check_shapes(kind, arrays, axes):
