@@ -69,6 +69,17 @@ def critical_reference(N, T, kinds, digits=40):
         return float(1 / best) if best > mpmath.mpf(10) ** (-digits // 3) else np.inf
 
 
+def binding_vertex(N, T, kinds):
+    """(members, signs) of the vertex with the largest real eigenvalue, in NumPy."""
+
+    def largest(vertex):
+        members, signs = vertex
+        X = np.linalg.lstsq(N[:, members], T[:, members] * np.array(signs), rcond=None)[0]
+        return max((x.real for x in np.linalg.eigvals(X) if abs(x.imag) <= 1e-9 * abs(x)), default=0.0)
+
+    return max(vertices(kinds), key=largest)
+
+
 def exact(matrix):
     """Nested lists of Fractions from floats."""
     return [[Fraction(float(x)) for x in row] for row in np.asarray(matrix)]

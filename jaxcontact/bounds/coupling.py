@@ -14,6 +14,9 @@ NOISE = 16
 DEPENDENT = 32
 """A gap gradient counts as dependent on the earlier ones when at most this many roundings of its length are left."""
 
+UNROLLED = 3
+"""Up to this many contacts loops over them are written out: twice as fast; beyond, compiling would take too long."""
+
 SCALAR_COLUMNS = 2
 """Up to this many contacts the algebra is on scalars and fuses; beyond, on arrays, which compile much sooner."""
 
@@ -65,20 +68,23 @@ def orthogonal_triangular(N: Array) -> tuple[Array, Array]:
     m = N.shape[1]
     if m > UNROLL_LIMIT:
         return _positive(*jnp.linalg.qr(N))
-    rest, E, R = N, [], []
-    for i in range(m):
-        square = jnp.sum(rest[:, 0] * rest[:, 0])
+    later = jnp.triu(jnp.ones((m, m), N.dtype), 1)
+    one = jnp.eye(m, dtype=N.dtype)
+
+    def projected(rest, row):
+        here, after = row
+        first_left = jnp.sum(rest * here[None, :], axis=1)
+        square = jnp.sum(first_left * first_left)
         there = square > 0
         length = jnp.where(there, jnp.sqrt(jnp.where(there, square, 1)), 0 * square)
-        e = rest[:, 0] / jnp.where(there, length, 1)
-        rest = rest[:, 1:]
-        first = jnp.sum(e[:, None] * rest, axis=0)
+        e = first_left / jnp.where(there, length, 1)
+        first = jnp.sum(e[:, None] * rest, axis=0) * after
         rest = rest - e[:, None] * first[None, :]
-        second = jnp.sum(e[:, None] * rest, axis=0)
-        rest = rest - e[:, None] * second[None, :]
-        E.append(e)
-        R.append(jnp.concatenate([jnp.zeros(i, N.dtype), length[None], first + second]))
-    return jnp.stack(E, axis=1), jnp.stack(R)
+        second = jnp.sum(e[:, None] * rest, axis=0) * after
+        return rest - e[:, None] * second[None, :], (e, length * here + first + second)
+
+    _, (E, R) = lax.scan(projected, N, (one, later), unroll=m <= UNROLLED)
+    return E.T, R
 
 
 def _positive(E: Array, R: Array) -> tuple[Array, Array]:
@@ -98,16 +104,20 @@ def _on_arrays(N: Array, T: Array) -> tuple[Array, Array]:
     if len(R) > UNROLL_LIMIT:
         comparison = lax.stop_gradient(2 * jnp.diag(jnp.diag(R)) - abs(R))
         return solve_triangular(R, value), solve_triangular(comparison, lax.stop_gradient(terms))
-    x, size = [], []
-    for i in reversed(range(N.shape[1])):
-        later = R[i, i + 1 :]
-        x_i, size_i = value[i], terms[i]
-        if x:
-            x_i = x_i - _product(later, jnp.stack(x[::-1]))
-            size_i = size_i + _product(abs(later), jnp.stack(size[::-1]))
-        x.append(x_i / R[i, i])
-        size.append(size_i / R[i, i])
-    return jnp.stack(x[::-1]), lax.stop_gradient(jnp.stack(size[::-1]))
+    one = jnp.eye(len(R), dtype=R.dtype)
+
+    def substituted(state, row):
+        X, size = state
+        here, R_i, value_i, terms_i = row
+        pivot = jnp.sum(R_i * here)
+        rest = R_i - pivot * here
+        x = (value_i - jnp.sum(rest[:, None] * X, axis=0)) / pivot
+        most = (terms_i + jnp.sum(abs(rest)[:, None] * size, axis=0)) / pivot
+        return (X + here[:, None] * x[None, :], size + here[:, None] * most[None, :]), None
+
+    start = jnp.zeros_like(value), jnp.zeros_like(terms)
+    (X, size), _ = lax.scan(substituted, start, (one, R, value, terms), reverse=True, unroll=len(R) <= UNROLLED)
+    return X, lax.stop_gradient(size)
 
 
 def _on_scalars(N: Array, T: Array) -> tuple[Array, Array]:

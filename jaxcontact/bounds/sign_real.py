@@ -59,13 +59,15 @@ def balanced(X: Array) -> Array:
     """
     k = X.shape[0]
     off = lax.stop_gradient(abs(X)) * (1 - jnp.eye(k, dtype=X.dtype))
-    scale = jnp.ones(k, X.dtype)
-    for _ in range(BALANCING_SWEEPS):
+
+    def swept(_, scale):
         now = off * scale[None, :] / scale[:, None]
         row, column = jnp.sum(now, axis=1), jnp.sum(now, axis=0)
         useful = (row > 0) & (column > 0) & (row < jnp.inf) & (column < jnp.inf)
         step = jnp.where(useful, row, 1) / jnp.where(useful, column, 1)
-        scale = scale * jnp.sqrt(jnp.sqrt(step))
+        return scale * jnp.sqrt(jnp.sqrt(step))
+
+    scale = lax.fori_loop(0, BALANCING_SWEEPS, swept, jnp.ones(k, X.dtype))
     return X * scale[None, :] / scale[:, None]
 
 
