@@ -1,6 +1,6 @@
 """Forces and accelerations of a mechanism in sliding contact."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from ..complementarity import Direct, Lemke, Solution, Status, solve
 from ..dynamics import Contact, Delassus, State, Terms, terms, whitened
 from ..dynamics.numbers import is_concrete
 from ..dynamics.sound import refuse_unsound
+from .certificate import Certificate, certificate
 from .law import coefficients, stands_still
 from .mass import stiffened, stiffening
 from .residuals import Motion, Residuals, residuals
@@ -57,6 +58,8 @@ class ContactForces:
     there are one element of Clarke's generalised derivative."""
     steps: Array
     """int32: steps of the method; 0 where a linear solve was enough."""
+    certificate: Certificate | None = None
+    """How sure the forces are; on request."""
 
     @property
     def answered(self) -> Array:
@@ -64,7 +67,9 @@ class ContactForces:
         return (self.status == int(Status.SOLVED)) | (self.status == int(Status.REDUNDANT))
 
 
-def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method: Any = None) -> ContactForces:
+def contact_forces(
+    mechanism: Any, state: State, mu: Array | None = None, method: Any = None, *, certified: bool = False
+) -> ContactForces:
     """What the contacts of `mechanism` exert at `state`, and how it accelerates.
 
     `contact_forces(guides, guides.state(theta=0.9, speed=1.0), jnp.array([0.2, 0.3])).normal`
@@ -79,6 +84,8 @@ def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method
         mu: (m,) coefficients of friction in the order of the contacts; entries of frictionless contacts are ignored.
             None if nothing is frictional.
         method: of `jaxcontact.solve`; None chooses.
+        certified: attach a `Certificate`, whose cost grows as 4^m: uniqueness with its margin, the Lipschitz constant
+            of load -> forces, a guaranteed bound of the error. Static.
 
     Raises (shapes; values in eager calls only, in a trace they become BAD_INPUT):
         ValueError: mu of another shape, negative or not finite; a state off the constraints or not finite; a mass
@@ -90,8 +97,8 @@ def contact_forces(mechanism: Any, state: State, mu: Array | None = None, method
     mu = coefficients(mechanism.contacts, mu, state.q.dtype)
     method = _cheapest(mechanism.contacts) if method is None else method
     if not is_concrete((mechanism, state, mu)):
-        return _forces(mechanism, state, mu, method)[0]
-    forces, seen = _forces(mechanism, state, mu, method)
+        return _forces(mechanism, state, mu, method, certified)[0]
+    forces, seen = _forces(mechanism, state, mu, method, certified)
     if int(forces.status) == Status.BAD_INPUT or float(seen.energy_at_rest) != 0:
         refuse_unsound(mechanism, state, seen, seen.energy_at_rest)
         raise ValueError(f"{type(mechanism).__name__}: the numbers at this state overflow; choose other units")
@@ -112,8 +119,8 @@ class Seen(NamedTuple):
     """J; a kinetic energy that is not zero at rest is misuse"""
 
 
-@partial(jax.jit, static_argnames=("method",), inline=True)
-def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[ContactForces, Seen]:
+@partial(jax.jit, static_argnames=("method", "certified"), inline=True)
+def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: bool) -> tuple[ContactForces, Seen]:
     """The forces, and what the door looks at. Derivatives pass through lanes with sound input only."""
     contacts = mechanism.contacts
     seen, still, gamma, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
@@ -127,7 +134,11 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any) -> tuple[Conta
     normal, a = _accelerated(operators, friction, found, solution)
     reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = jnp.where(clear, _status(operators, found, solution), reason)
-    return _judged(parts, operators, friction, found, solution, normal, a, status), seen
+    forces = _judged(parts, operators, friction, found, solution, normal, a, status)
+    if certified:
+        signs = jnp.where(clear, jnp.sign(parts.slip), 0)
+        forces = replace(forces, certificate=certificate(operators, jnp.where(clear, mu, 0), signs, forces.normal))
+    return forces, seen
 
 
 def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Array, Array]:
