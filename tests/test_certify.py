@@ -191,6 +191,46 @@ def test_a_batch_of_certificates_agrees_with_the_tables():
     assert np.isnan(batch["prop10"][2]).all()
 
 
+def test_appendix_e_without_friction_is_about_ranks_and_compatibility():
+    """One gap twice: compatible if the drift is twice too. Acceleration and G lambda stay unique (erratum B9)."""
+    G = np.array([[1.0, 2.0], [0.0, 0.0], [0.0, 0.0]])
+    for c, verdict in (([1.0, 2.0], YES), ([1.0, 1.0], NO)):
+        found = certify(stated("BB", G, c), jnp.zeros(2))
+        assert [int(found[key][1]) for key in ("e2", "e3", "e4")] == [YES, NO, verdict]
+    apart = certify(stated("Bb", [[1.0, 0.0], [0.0, 1.0]], [1.0, 1.0]), jnp.zeros(2))
+    assert [int(apart[key][1]) for key in ("e2", "e3", "e4")] == [YES, YES, YES]
+
+
+def test_appendix_e_with_friction_says_yes_only_where_the_matrices_have_the_rank():
+    """(v): -F + P of full rank; (vi): [[M, -F + P], [F^T, 0]] regular; in every mode of signs."""
+    rng = np.random.default_rng(4)
+    said = np.zeros(2, int)
+    judge = jax.jit(lambda G, H, mu: certify(stated("bb", G, jnp.zeros(2), H=H), mu))
+    for _ in range(40):
+        G, H = rng.normal(size=(2, 3, 2))
+        mu = rng.uniform(0, 0.6, size=2)
+        found = judge(G, H, mu)
+        for i, key in enumerate(("e5", "e6")):
+            if int(found[key][1]) == YES:
+                said[i] += 1
+                for D in itertools.product((-1.0, 1.0), repeat=2):
+                    N = -G + H * mu * np.array(D)
+                    whole = np.block([[np.eye(3), N], [G.T, np.zeros((2, 2))]])
+                    assert np.linalg.matrix_rank(N if key == "e5" else whole) == (2 if key == "e5" else 5)
+        assert int(found["e5"][1]) == int(found["prop9b"][1])
+        assert int(found["e6"][1]) == int(found["prop9a"][1])
+    assert np.all(said > 3)
+    assert np.all(said < 40)
+
+
+def test_appendix_e_looks_at_the_bilateral_contacts_of_a_mixed_system_alone():
+    """The guided tip of the rod under a ceiling bears (1 + 3 c^2) / (3 s c) by itself."""
+    here = at(GuidedRodUnderCeiling(), theta=0.9)
+    s, c = np.sin(0.9), np.cos(0.9)
+    margin = certify(here, jnp.array([0.5, 9.0]))["e6"][2]
+    np.testing.assert_allclose(margin, (1 + 3 * c * c) / (3 * s * c) / 0.5 - 1, rtol=1e-12)
+
+
 def test_verdicts_change_at_the_bound_and_are_undecided_on_it():
     here = at(PainleveKlein(), theta=0.9)
     r = float(critical(here))
