@@ -51,7 +51,7 @@ def best_scaling(operators: Delassus, ratio: Array) -> Array:
 
     Its logarithm is concave in log D. Up to two contacts it is `critical`, in closed form. Beyond, a path to the
     minimum and its multipliers (`scaling`): the value is that of one D, so a bound whatever happens, and below the
-    supremum by 1e-10 at most, mostly 1e-13 (float64). Bilateral contacts only. Cost: some 30 Newton steps in m
+    supremum by 1e-8 at most, mostly 1e-13 (float64). Bilateral contacts only. Cost: some 30 Newton steps in m
     variables, a sixteenth of what `optax.lbfgs` takes to come as close. Derivative by the multipliers, right where the
     largest singular value is repeated too, as it often is at the minimum; second derivatives as well.
     `best_scaling(delassus(guides, state))`

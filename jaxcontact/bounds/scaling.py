@@ -33,6 +33,12 @@ STEPS_PER_BIT = 1
 FAR = 30
 """Farthest off the path, as `off_centre` says."""
 
+LOOSE = 10
+"""The equations for g and tr Z may be missed by this many tau / lambda, which rounding exceeds at last ..."""
+
+PRECISE = 0.5
+"""... or by this power of a rounding; the path ends there."""
+
 SHORTER = 0.25
 """A step that leads too far off is tried again at this part of its length."""
 
@@ -159,7 +165,9 @@ def _surroundings(Y: Array, point: Point) -> Surroundings:
     S = _slack(Y, point.size)
     tau = jnp.sum(S * point.Z) / len(S)
     (P, first), (Q, second) = _inverse(S), _inverse(point.Z)
-    off_centre = jnp.where(first & second, tau * jnp.sum(P * Q) / len(S), jnp.inf)
+    missed = abs(_trace(point.Z) - 1) + jnp.max(abs(_against(Y, _gram(Y), point.Z))) / point.size
+    near = missed < jnp.maximum(LOOSE * tau / point.size, float(jnp.finfo(Y.dtype).eps) ** PRECISE)
+    off_centre = jnp.where(first & second & near, tau * jnp.sum(P * Q) / len(S), jnp.inf)
     return Surroundings(tau, P, Q, off_centre)
 
 
