@@ -10,11 +10,12 @@ Three equations of unknown i determine x_i and one of each pair:
     finite         x - lower = z_1              M x + q + z_2 = w_1      upper - x = w_2
     lower = -inf   M x + q + z_2 = 0            z_1 = idle               (as above)
     upper = inf    (without z_2)                (without z_2)            w_2 = idle
-    equal          x = (lower + upper) / 2      M x + q + z_1 = w_1      M x + q + z_2 = w_2
+    equal          x = (lower + upper) / 2      M x + q + t z_1 = w_1    M x + q + z_2 = t w_2
 
 The first ones give x and the others w_1, w_2, so no number is divided to reach the LCP of [[M, I], [-I, 0]], and x_i
-without a lower bound is eliminated by its own row of M. Between equal bounds both pairs hold (b, a). An infinite bound
-reaches no arithmetic: `idle`, which has the size of M x + q at the point of the box nearest to zero, takes its place.
+without a lower bound is eliminated by its own row of M. Between equal bounds the pairs are (b / t, a) and (b, a / t),
+t a power of two near M_ii. An infinite bound reaches no arithmetic: `idle`, which has the size of M x + q at the point
+of the box nearest to zero, takes its place.
 
 Powers of two bring every row to the balanced unit of M x + q. A bound far beyond that size has its row lowered further,
 so that an upper bound of 1e20 does not make everything else look like rounding.
@@ -70,7 +71,7 @@ def _(problem: BoxedLCP):
     if problem.q.ndim != 1:
         raise ValueError(f"BoxedLCP: takes one problem, got q {problem.q.shape}; write jax.vmap")
     box = box_of(problem)
-    force, low, high, idle = _weights(problem, box)
+    force, stiff, low, high, idle = _weights(problem, box)
     below, above, fixed = box.from_below, box.from_above, box.fixed
     free_below = ~(below | fixed)
     row, one, zero = force[:, None] * problem.M, jnp.ones_like(force), jnp.zeros_like(force)
@@ -86,13 +87,13 @@ def _(problem: BoxedLCP):
     F = [rows(free_below, one, low), rows(~free_below, zero, low), rows(fixed, jnp.where(above, -one, 0), high)]
     P = [
         [jnp.where(below, -low, 0), jnp.where(free_below, pushed, 0)],
-        [jnp.where(below, 0, jnp.where(fixed, force, 1)), jnp.where(below, pushed, 0)],
+        [jnp.where(below, 0, jnp.where(fixed, stiff, 1)), jnp.where(below, pushed, 0)],
         [zero, jnp.where(fixed, force, 0)],
     ]
     N = [
         [zero, zero],
         [jnp.where(free_below, 0, force), zero],
-        [zero, jnp.where(fixed, force, jnp.where(above, high, 1))],
+        [zero, jnp.where(fixed, stiff, jnp.where(above, high, 1))],
     ]
     q = [
         load(free_below, -low * jnp.where(fixed, middle, box.lower)),
@@ -113,8 +114,8 @@ def _diagonal(d):
 
 
 def _weights(problem, box):
-    """(force, low, high, idle), constants of differentiation: powers of two for the rows of M and of the two bounds,
-    (m,) each, and the size () of the balanced data."""
+    """(force, stiff, low, high, idle), constants of differentiation: powers of two for the rows of M, for lengths in
+    these rows (t times force) and for the rows of the two bounds, (m,) each, and the size () of the balanced data."""
     M, q = lax.stop_gradient((problem.M, problem.q))
     lower, upper = lax.stop_gradient((box.lower, box.upper))
     rows = row_exponents(M)
@@ -126,7 +127,7 @@ def _weights(problem, box):
         held = jnp.where(bound == 0, -rows, jnp.minimum(-rows, exponent(size) - exponent(bound)))
         return power_of_two(held, q.dtype)
 
-    return force, of_bound(lower), of_bound(upper), size
+    return force, power_of_two(-rows, q.dtype), of_bound(lower), of_bound(upper), size
 
 
 def given_size(M, q, problem):
@@ -170,10 +171,10 @@ def _above_zero(x):
 def pairs_of_box(problem: BoxedLCP, x):
     """(z, w), (2 m,) each, of the pairs above at a solution x."""
     box = box_of(problem)
-    idle = _weights(problem, box)[3]
+    force, stiff, _, _, idle = _weights(problem, box)
     w = dot(problem.M, x) + problem.q
     a, b = jnp.maximum(w, 0), jnp.maximum(-w, 0)
     free_below, free_above = ~(box.from_below | box.fixed), ~(box.from_above | box.fixed)
-    over = jnp.where(box.fixed, b, jnp.where(free_below, idle, jnp.maximum(x - box.lower, 0)))
-    under = jnp.where(box.fixed, a, jnp.where(free_above, idle, jnp.maximum(box.upper - x, 0)))
+    over = jnp.where(box.fixed, b * force / stiff, jnp.where(free_below, idle, jnp.maximum(x - box.lower, 0)))
+    under = jnp.where(box.fixed, a * force / stiff, jnp.where(free_above, idle, jnp.maximum(box.upper - x, 0)))
     return jnp.concatenate([over, b]), jnp.concatenate([a, under])

@@ -10,7 +10,7 @@ from jaxcontact.complementarity.forms import NormalForm, mode_matrix
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse, balanced
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.records import unchecked
-from jaxcontact.complementarity.short import counted, dot, first
+from jaxcontact.complementarity.short import counted, dot, first, largest_of_rows
 
 RELUCTANCE = 2.0**-6
 """P_j is chosen over N_j, and a row of D over one of A, only for a pivot 1 / RELUCTANCE times larger: the basis of all
@@ -54,11 +54,22 @@ def reduce_to_lcp(form: NormalForm) -> Reduction:
     G = found.matrix
     sign = jnp.where(eliminated, 1, -1).astype(form.q.dtype)
     Y = jnp.where(eliminated[None, :], -form.N, form.P)
-    slope, offset = dot(G, Y), dot(G, form.q)
+    slope, offset = _without_rounding(dot(G, Y), G, K, Y), dot(G, form.q)
     lcp = unchecked(LCP, M=-sign[:, None] * slope[k:], q=-sign * offset[k:])
     miss = form.q - dot(K, offset)
     contradiction = miss - dot(G.T, dot(K.T, miss))
     return Reduction(lcp, eliminated, offset, slope, found.deficiency > 0, contradiction, -sign[:, None] * G[k:])
+
+
+def _without_rounding(slope, G, K, Y):
+    """G Y with zeros for the entries that are rounding of the inverse: below PIVOT_FLOOR n eps |G| |K| |G| |Y|, and,
+    since one correction of G leaves products of roundings, below eps^2 in the units that balance K. A diagonal entry
+    that should vanish, as in [[M, I], [-I, 0]], would otherwise be taken for the stiffness of its row."""
+    eps = jnp.finfo(slope.dtype).eps
+    _, rows, columns = balanced(K)
+    unit = columns[:, None] * largest_of_rows((rows[:, None] * Y).T)[None, :]
+    error = dot(jnp.abs(G), dot(jnp.abs(K), dot(jnp.abs(G), jnp.abs(Y)))) + eps * unit
+    return jnp.where(jnp.abs(slope) > PIVOT_FLOOR * len(G) * eps * error, slope, 0)
 
 
 def _regular_mode(form):

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxcontact.complementarity.short import diagonal_of, greatest, largest_of_rows
+from jaxcontact.complementarity.short import diagonal_of, first, greatest, largest_of_rows
 
 EXPONENT_MARGIN = 2
 """Exponents stay this far from the ends of the format, where subnormal numbers lose digits."""
@@ -58,15 +58,25 @@ def _largest_exponent(x, shift):
 
 def row_exponents(M):
     """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 4). Where M_ii <= 0 the
-    largest entries of row and column stand in. The parity of the first row goes into every row, so that M 2^a moves all
-    e alike for odd a too."""
+    largest entries of row and column stand in: those that couple to rows with M_ii > 0, in their units, if there are
+    any. The parity of the first such row goes into every row, so that M 2^a moves all e alike for odd a too."""
     diagonal = diagonal_of(M)
+    own = diagonal > 0
     across, down = largest_of_rows(M), largest_of_rows(M.T)
-    one_sided = jnp.where(across > 0, exponent(across), exponent(down))
-    both = (exponent(across) + exponent(down)) >> 1
-    fallback = jnp.where((across > 0) & (down > 0), both, one_sided)
-    sizes = jnp.where(diagonal > 0, exponent(diagonal), fallback)
-    return -((sizes - (sizes[:1] & 1)) >> 1)
+    sizes = jnp.where(own, exponent(diagonal), _one_or_both(across, down) >> 1)
+    leader = jnp.where(jnp.any(own), first(own), jnp.arange(len(M)) == 0)
+    odd = jnp.sum(jnp.where(leader, sizes & 1, 0), dtype=sizes.dtype)
+    found = -((sizes - odd) >> 1)
+    unit = jnp.where(own, power_of_two(found, M.dtype), 0)
+    across, down = largest_of_rows(M * unit[None, :]), largest_of_rows((M * unit[:, None]).T)
+    coupled = -((_one_or_both(across, down) - 2 * odd) >> 1)
+    return jnp.where(~own & ((across > 0) | (down > 0)), coupled, found)
+
+
+def _one_or_both(across, down):
+    """The sum of two exponents, or twice one of them where the other belongs to zero."""
+    across, down = jnp.where(across > 0, across, down), jnp.where(down > 0, down, across)
+    return exponent(across) + exponent(down)
 
 
 def exponent(x):
