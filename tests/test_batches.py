@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from systems import operators_of, random_factors
 
 import jaxcontact as jc
 from jaxcontact import linalg
@@ -46,6 +47,13 @@ def test_in_a_large_batch_bad_lanes_are_bad_and_the_others_untouched():
     assert np.isnan(np.asarray(dirty.z)[bad]).all()
     assert (np.asarray(clean.status) == jc.Status.SOLVED).all()
     assert np.array_equal(np.asarray(dirty.z)[~bad], np.asarray(clean.z)[~bad])
+
+
+def test_in_a_large_batch_a_threshold_of_nan_is_nan():
+    N, T = random_factors("bbb", MANY, seed=2)
+    N[::7, 0, 1] = np.nan
+    critical = np.asarray(jax.jit(jax.vmap(lambda n, t: jc.bounds.critical(operators_of(n, t, "bbb"))))(N, T))
+    assert np.array_equal(np.isnan(critical), np.arange(MANY) % 7 == 0)
 
 
 def halvings(x):

@@ -91,3 +91,11 @@ def test_the_library_sets_no_jax_switch():
 
 def test_no_file_is_a_drawer_for_odds_and_ends():
     assert not {path.stem for path in files()} & {"utils", "misc", "helpers", "common"}
+
+
+@pytest.mark.parametrize("path", files(), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_no_extremum_may_lose_nan(path):
+    """XLA's reductions do on a CPU (see `linalg.extrema`): only there are they called."""
+    if path.name == "extrema.py":
+        return
+    assert not {name for name in ("jnp.max(", "jnp.min(", "jnp.amax(", "jnp.amin(") if name in path.read_text()}

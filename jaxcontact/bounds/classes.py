@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from .. import linalg
+
 MOST_INDICES = 12
 """Largest m whose 2^m submatrices are looked at."""
 
@@ -94,7 +96,7 @@ def copositive(M: Array) -> Membership:
         vectors = vectors * jnp.where(jnp.sum(vectors, axis=0) < 0, -1, 1).astype(M.dtype)[None, :]
         nearly = -ROUNDING * m * float(jnp.finfo(M.dtype).eps)
         admissible = jnp.all((vectors >= nearly) | (member[:, None] == 0), axis=0) & (values <= size)
-        return jnp.min(jnp.where(admissible, values, jnp.inf))
+        return linalg.least(jnp.where(admissible, values, jnp.inf))
 
     values = jax.vmap(lowest)(jnp.asarray(sets, M.dtype))
     best = jnp.argmin(values)
@@ -112,7 +114,7 @@ def beta(M: Array, p: float = 2) -> Array:
         ValueError: for another p.
     """
     members = jnp.asarray(_subsets(_size(M, "beta")), M.dtype)
-    return jnp.max(jax.vmap(lambda member: _inverse_norm(M, member, p))(members))
+    return linalg.greatest(jax.vmap(lambda member: _inverse_norm(M, member, p))(members))
 
 
 def error_constant(M: Array) -> Array:
@@ -123,7 +125,7 @@ def error_constant(M: Array) -> Array:
     """
     members = jnp.asarray(_all_subsets(_size(M, "error_constant")), M.dtype)
     one = jnp.eye(M.shape[0], dtype=M.dtype)
-    return jnp.max(jax.vmap(lambda d: _norm_inf_of_inverse(one * (1 - d)[None, :] + d[:, None] * M))(members))
+    return linalg.greatest(jax.vmap(lambda d: _norm_inf_of_inverse(one * (1 - d)[None, :] + d[:, None] * M))(members))
 
 
 def _size(M: Array, name: str) -> int:
@@ -198,12 +200,12 @@ def _inverse_norm(M: Array, member: Array, p: float) -> Array:
         raise ValueError(f"beta takes p = 1, 2 or inf, got {p}")
     inverse = jnp.linalg.inv(_restricted(M, member)) * member[:, None] * member[None, :]
     sums = jnp.sum(abs(inverse), axis=0 if p == 1 else 1)
-    return jnp.where(jnp.all(jnp.isfinite(sums)), jnp.max(sums), jnp.inf)
+    return jnp.where(jnp.all(jnp.isfinite(sums)), linalg.greatest(sums), jnp.inf)
 
 
 def _norm_inf_of_inverse(X: Array) -> Array:
     sums = jnp.sum(abs(jnp.linalg.inv(X)), axis=1)
-    return jnp.where(jnp.all(jnp.isfinite(sums)), jnp.max(sums), jnp.inf)
+    return jnp.where(jnp.all(jnp.isfinite(sums)), linalg.greatest(sums), jnp.inf)
 
 
 def _reciprocal(x: Array) -> Array:

@@ -48,7 +48,7 @@ def dependent(N: Array) -> Array:
     if m <= SCALAR_COLUMNS:
         left = linalg.singular_value_min(units)
     else:
-        left = jnp.min(jnp.diag(orthogonal_triangular(units)[1]))
+        left = linalg.least(jnp.diag(orthogonal_triangular(units)[1]))
     return jnp.any(missing) | (left <= DEPENDENT * float(jnp.finfo(N.dtype).eps))
 
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from .. import linalg
 from ..dynamics import Delassus
 from ..dynamics.numbers import as_float_array
 from .sign_real import radius_of_two
@@ -122,7 +123,7 @@ def radius(problem: Reduced) -> Array:
     if len(problem.frictional) > CLOSED_FORM:
         return _vertex_radius(problem, None)
     values = [radius_of_two(problem.coupling_of(members)) for members in problem.sets()]
-    return jnp.max(jnp.stack(values))
+    return linalg.greatest(jnp.stack(values))
 
 
 def regular_shape(problem: Reduced) -> bool:

@@ -122,8 +122,8 @@ def consistent(operators, mu, xi):
     N, c = N / length[None, :], c / length
     rtol = DEPENDENT * float(jnp.finfo(N.dtype).eps)
     a = jnp.matmul(jnp.linalg.pinv(N, rtol=rtol).T, c, precision=jax.lax.Precision.HIGHEST)
-    miss = jnp.max(abs(linalg.gram(N, a) - c))
-    limit = CLOSE * float(jnp.finfo(N.dtype).eps) * (jnp.max(abs(a)) + jnp.max(abs(c)))
+    miss = linalg.greatest(abs(linalg.gram(N, a) - c))
+    limit = CLOSE * float(jnp.finfo(N.dtype).eps) * (linalg.greatest(abs(a)) + linalg.greatest(abs(c)))
     return jnp.int32(Verdict.YES), verdict(miss <= limit, miss > limit), 0 - miss
 
 
@@ -131,8 +131,8 @@ def harmless_signs(operators, mu, xi):
     """Corollary 2: no positive entry in A_tu [mu] [xi]."""
     regular, _ = independence(operators, operators.unilateral)
     Y = operators.A_tu * select(mu * xi, operators.unilateral)[None, :]
-    largest = jnp.max(Y)
-    limit = CLOSE * float(jnp.finfo(mu.dtype).eps) * jnp.max(abs(Y))
+    largest = linalg.greatest(Y)
+    limit = CLOSE * float(jnp.finfo(mu.dtype).eps) * linalg.greatest(abs(Y))
     return regular, both(regular, verdict(largest <= limit, largest > limit)), -largest
 
 

@@ -102,7 +102,7 @@ def definite_radius(problem: Reduced) -> Array:
     parts = lax.optimization_barrier(0.5 * (parts + jnp.swapaxes(parts, 1, 2)))
     signs = jnp.asarray(np.array(list(itertools.product((1, -1), repeat=len(parts)))), R.dtype)
     every = jnp.einsum("sk,kij->sij", signs, parts, precision=lax.Precision.HIGHEST)
-    return jnp.max(jax.vmap(linalg.symmetric_eigenvalue_max)(every))
+    return linalg.greatest(jax.vmap(linalg.symmetric_eigenvalue_max)(every))
 
 
 def _of_coupling(operators: Delassus, ratio: Array, size) -> Array:

@@ -56,7 +56,7 @@ def prop14(operators: Delassus, ratio: Array, xi: Array | None = None) -> Array:
     if xi is not None:
         return _first_crossing(blocks, ratio * jnp.asarray(xi, ratio.dtype), reach, cap)
     signs = jnp.asarray(_sign_vectors(operators), ratio.dtype)
-    return jnp.min(jnp.stack([_first_crossing(blocks, ratio * s, reach, cap) for s in signs]))
+    return linalg.least(jnp.stack([_first_crossing(blocks, ratio * s, reach, cap) for s in signs]))
 
 
 def _sign_vectors(operators: Delassus) -> np.ndarray:
@@ -99,7 +99,7 @@ class _Blocks:
         """beta_2(M_ub^0) = max over gamma in the unilateral contacts of |[[I, G A^-1], [0, A^-1]]|_2, A = A_c[gamma,
         gamma]."""
         subsets = [g for k in range(len(self.u) + 1) for g in itertools.combinations(range(len(self.u)), k)]
-        return jnp.max(jnp.stack([self._vertex_norm(g) for g in subsets]))
+        return linalg.greatest(jnp.stack([self._vertex_norm(g) for g in subsets]))
 
     def _vertex_norm(self, gamma: tuple[int, ...]) -> Array:
         dtype = self.N_c.dtype

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
+from .. import linalg
 from ..dynamics import Delassus
 from .classes import MOST_INDICES
 from .coupling import DEPENDENT
@@ -83,7 +84,9 @@ def missed(operators: Delassus) -> tuple[Array, Array]:
     def worst(chosen):
         a = -_product(_pseudo_inverse(N * chosen[None, :]).T, c * chosen)
         gap = _product(N.T, a) + c
-        return jnp.max(jnp.where(both, abs(gap), jnp.maximum(-gap, 0))), jnp.max(abs(a)) + jnp.max(abs(c))
+        return linalg.greatest(jnp.where(both, abs(gap), jnp.maximum(-gap, 0))), linalg.greatest(
+            abs(a)
+        ) + linalg.greatest(abs(c))
 
     misses, sizes = jax.vmap(worst)(jnp.asarray(active, N.dtype))
     best = jnp.argmin(misses)

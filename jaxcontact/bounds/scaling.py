@@ -83,7 +83,7 @@ def scaled_norm(X: Array) -> Array:
     second order. `scaled_norm(jnp.array([[0.0, 100.0], [0.01, 0.0]]))` is 1.
     """
     X = balanced(jnp.where(_on_a_cycle(X), X, 0))
-    unit = lax.stop_gradient(jnp.max(abs(X)))
+    unit = lax.stop_gradient(linalg.greatest(abs(X)))
     nothing = ~((unit > 0) & (unit < jnp.inf))
     unit = jnp.where(nothing, 1, unit)
     value = unit * _smallest_norm(jnp.where(nothing, jnp.eye(X.shape[0], dtype=X.dtype), X / unit))
@@ -149,7 +149,7 @@ def _followed(X: Array, gap: float) -> Point:
     def followed(state):
         point, around, length, step = state
         change = _newton(X, point, around)
-        share = length * jnp.minimum(1, LONGEST / jnp.maximum(jnp.max(abs(change.t)), LONGEST))
+        share = length * jnp.minimum(1, LONGEST / jnp.maximum(linalg.greatest(abs(change.t)), LONGEST))
         trial = Point(*(x + share * dx for x, dx in zip(point, change)))
         there = _surroundings(_scaled(X, trial.t), trial)
         inside = there.off_centre < FAR
@@ -165,7 +165,7 @@ def _surroundings(Y: Array, point: Point) -> Surroundings:
     S = _slack(Y, point.size)
     tau = jnp.sum(S * point.Z) / len(S)
     (P, first), (Q, second) = _inverse(S), _inverse(point.Z)
-    missed = abs(_trace(point.Z) - 1) + jnp.max(abs(_against(Y, _gram(Y), point.Z))) / point.size
+    missed = abs(_trace(point.Z) - 1) + linalg.greatest(abs(_against(Y, _gram(Y), point.Z))) / point.size
     near = missed < jnp.maximum(LOOSE * tau / point.size, float(jnp.finfo(Y.dtype).eps) ** PRECISE)
     off_centre = jnp.where(first & second & near, tau * jnp.sum(P * Q) / len(S), jnp.inf)
     return Surroundings(tau, P, Q, off_centre)
@@ -227,7 +227,7 @@ def _elimination(A: Array, b: Array) -> Array:
     """x with A x = b for symmetric positive semidefinite A (m, m); nothing along directions that A does not see."""
     m = len(b)
     one = jnp.eye(m, dtype=b.dtype)
-    floor = FLAT * float(jnp.finfo(b.dtype).eps) * jnp.max(jnp.sum(A * one, axis=0))
+    floor = FLAT * float(jnp.finfo(b.dtype).eps) * linalg.greatest(jnp.sum(A * one, axis=0))
     inverses = []
     for k in range(m):
         seen = A[k, k] > floor

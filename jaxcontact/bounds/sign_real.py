@@ -14,6 +14,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array, lax
 
+from .. import linalg
 from ..linalg.unrolled import entries
 from .root import sign_change
 
@@ -77,10 +78,10 @@ def radius_in_box(X: Array, box: Box) -> tuple[Array, Array]:
     0, with an arbitrary vertex, if there is none. For |D| <= 1 this is the sign-real spectral radius.
     """
     X = lax.stop_gradient(X)
-    size = jnp.min(jnp.stack([jnp.max(jnp.sum(abs(X), axis=axis)) for axis in (0, 1)]))
+    size = linalg.least(jnp.stack([linalg.greatest(jnp.sum(abs(X), axis=axis)) for axis in (0, 1)]))
     usable = (size > 0) & (size < jnp.inf)
     X = jnp.where(usable, X, 0) / jnp.where(usable, size, 1)
-    low = jnp.maximum(jnp.max(jnp.maximum(jnp.diag(X) * box.first, jnp.diag(X) * box.second)), 0)
+    low = jnp.maximum(linalg.greatest(jnp.maximum(jnp.diag(X) * box.first, jnp.diag(X) * box.second)), 0)
     eps = float(jnp.finfo(X.dtype).eps)
     # Without a diagonal entry to start from, what is below rounding of the norm is nothing.
     floor = jnp.where(low > 0, 0, eps).astype(X.dtype)
@@ -89,7 +90,7 @@ def radius_in_box(X: Array, box: Box) -> tuple[Array, Array]:
 
     def smallest(value):
         every = _determinants(X, value, box)
-        return jnp.min(every), jnp.argmin(every)
+        return linalg.least(every), jnp.argmin(every)
 
     value, place = sign_change(smallest, *ends, floor)
     vertex = _vertices(box)[place]

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from .. import linalg
 from ..dynamics import Delassus
 from ..dynamics.numbers import as_float_array
 from .classes import MOST_INDICES, Membership, _membership, _norm, _norm_inf_of_inverse, _reciprocal
@@ -64,7 +65,7 @@ def lipschitz(operators: Delassus, mu: Array) -> Array:
         X = jnp.where(inside, W - Wt * sign[None, :], size * jnp.eye(W.shape[0], dtype=W.dtype))
         return _reciprocal(jnp.linalg.svd(X, compute_uv=False)[-1])
 
-    return jnp.max(jax.vmap(at)(jnp.asarray(every.members, W.dtype), jnp.asarray(every.signs, W.dtype)))
+    return linalg.greatest(jax.vmap(at)(jnp.asarray(every.members, W.dtype), jnp.asarray(every.signs, W.dtype)))
 
 
 def guaranteed_error(operators: Delassus, mu: Array, xi: Array, normal: Array) -> Array:
@@ -84,7 +85,7 @@ def guaranteed_error(operators: Delassus, mu: Array, xi: Array, normal: Array) -
     highest = jax.lax.Precision.HIGHEST
     felt = jnp.where(both, abs(normal), normal)
     gap = jnp.matmul(W, normal, precision=highest) - jnp.matmul(Wt, felt, precision=highest) + operators.w
-    residual = jnp.max(abs(jnp.where(both, gap, jnp.minimum(normal, gap))), initial=0)
+    residual = linalg.greatest(abs(jnp.where(both, gap, jnp.minimum(normal, gap))), initial=0)
     every = _vertices(operators, directed=True)
     one = jnp.eye(m, dtype=dtype)
 
@@ -92,7 +93,7 @@ def guaranteed_error(operators: Delassus, mu: Array, xi: Array, normal: Array) -
         return _norm_inf_of_inverse(jnp.where(member[:, None] > 0, W - Wt * sign[None, :], one))
 
     constants = jax.vmap(at)(jnp.asarray(every.members, dtype), jnp.asarray(every.signs, dtype))
-    return jnp.max(constants) * residual
+    return linalg.greatest(constants) * residual
 
 
 def _vertices(operators: Delassus, directed: bool = False) -> _Vertices:

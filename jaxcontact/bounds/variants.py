@@ -92,7 +92,9 @@ def critical_along_ray(operators: Delassus, xi: Array, ratio: Array | None = Non
     if not problem.frictional or not regular_shape(problem):
         return threshold(problem, zero_radius(problem))
     xi = sign_array(operators, xi)
-    return threshold(problem, jnp.max(_radii(problem, *_table(problem, jnp.stack([xi[i] for i in problem.kept])))))
+    return threshold(
+        problem, linalg.greatest(_radii(problem, *_table(problem, jnp.stack([xi[i] for i in problem.kept]))))
+    )
 
 
 def critical_existence(operators: Delassus, xi: Array, ratio: Array | None = None) -> Array:
@@ -119,7 +121,7 @@ def critical_existence(operators: Delassus, xi: Array, ratio: Array | None = Non
 
     def radius(closed, signs):
         values, vectors = jnp.linalg.eig(_masked_coupling(N, T, closed, signs))
-        size = jnp.max(abs(vectors), axis=0)
+        size = linalg.greatest(abs(vectors), axis=0)
         place = jnp.argmax(abs(vectors), axis=0)
         # The phase that makes the largest component real makes the vector of a real eigenvalue real.
         leading = jnp.take_along_axis(vectors, place[None, :], axis=0)
@@ -129,12 +131,12 @@ def critical_existence(operators: Delassus, xi: Array, ratio: Array | None = Non
         gap = _product(N.T, _product(N * closed[None, :], v) - r[None, :] * _product(T * signs[None, :], v))
         # Bilateral: sgn(v_i) = xi_i S_i; closed unilateral: v_i >= 0; open: the gap may only open.
         wanted = jnp.where(both, xi_kept * signs, 1)[:, None] * jnp.where(closed[:, None] > 0, v, 0)
-        scale = jnp.max(abs(N)) ** 2
+        scale = linalg.greatest(abs(N)) ** 2
         opening = jnp.where(closed[:, None] > 0, 0, gap / scale)
         fits = [jnp.all(s * wanted >= -SIGN, axis=0) & jnp.all(s * opening >= -SIGN, axis=0) for s in (1.0, -1.0)]
-        return jnp.max(jnp.where(real & (fits[0] | fits[1]), values.real, 0))
+        return linalg.greatest(jnp.where(real & (fits[0] | fits[1]), values.real, 0))
 
-    return threshold(problem, jnp.max(jax.vmap(radius)(closed, signs)))
+    return threshold(problem, linalg.greatest(jax.vmap(radius)(closed, signs)))
 
 
 def critical_for_load(operators: Delassus, xi: Array, ratio: Array | None = None) -> Array:
@@ -164,14 +166,14 @@ def critical_for_load(operators: Delassus, xi: Array, ratio: Array | None = None
         np.array(list(itertools.product(*[(1, -1) if i in problem.bilateral else (1, 0) for i in range(m)]))), W.dtype
     )
     events = jnp.sort(jnp.concatenate([_events(W, Wt, w, mode) for mode in modes]))
-    last = jnp.max(jnp.where(events < jnp.inf, events, 0))
+    last = linalg.greatest(jnp.where(events < jnp.inf, events, 0))
     ends = jnp.concatenate([jnp.zeros(1, W.dtype), events])
     after = jnp.concatenate([events, jnp.full(1, jnp.inf, W.dtype)])
     after = jnp.where(after < jnp.inf, after, 2 * last + 1)
     count = jax.vmap(lambda r: _count(W, Wt, w, modes, r))(0.5 * (ends + after))
     wide = after - ends > TIE * float(jnp.finfo(W.dtype).eps) * after
     changed = wide & (ends < jnp.inf) & (count != 1)
-    value = jnp.min(jnp.where(changed, ends, jnp.inf))
+    value = linalg.least(jnp.where(changed, ends, jnp.inf))
     return jnp.where(jnp.isnan(jnp.sum(w)), jnp.nan, jnp.where(problem.singular, 0, value))
 
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg import symmetric_small
+from jaxcontact.linalg.extrema import greatest
 from jaxcontact.linalg.unrolled import entries, inner, largest, power_of_two_scale, total
 
 CLOSED_LIMIT = 3
@@ -63,7 +64,7 @@ def _top_vector_jvp(primals, tangents):
     x = _top_vector(S)
     values, X = jnp.linalg.eigh(S)
     gap = values[-1] - values
-    separated = gap > REPEATED * float(jnp.finfo(S.dtype).eps) * jnp.max(jnp.abs(values))
+    separated = gap > REPEATED * float(jnp.finfo(S.dtype).eps) * greatest(jnp.abs(values))
     share = jnp.einsum("ij,ik,k->j", X, dS, x, precision=lax.Precision.HIGHEST)
     share = jnp.where(separated, share / jnp.where(separated, gap, 1), 0)
     return x, jnp.dot(X, share, precision=lax.Precision.HIGHEST)
