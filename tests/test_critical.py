@@ -196,7 +196,7 @@ def test_rows_in_other_units_leave_the_threshold_alone():
     np.testing.assert_allclose(scaled, plain, rtol=BAR["float64"])
 
 
-@pytest.mark.parametrize("kinds", ["bb", "bbb", pytest.param("uuu", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kinds", ["bb", *(pytest.param(kinds, marks=pytest.mark.slow) for kinds in ("bbb", "uuu"))])
 def test_gradients_agree_with_central_differences_and_reverse_with_forward_mode(kinds):
     N, T = random_factors(kinds, 70, seed=7)
     D, E = random_factors(kinds, 70, seed=8)

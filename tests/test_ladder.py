@@ -207,7 +207,7 @@ class Speaking(NamedTuple):
     contacts: tuple
 
 
-@pytest.mark.parametrize("kinds", ["bbb", "uuu"])
+@pytest.mark.parametrize("kinds", ["bbb", pytest.param("uuu", marks=pytest.mark.slow)])
 def test_derivatives_of_the_rungs_at_two_hundred_random_systems(kinds):
     names = [n for n in RUNGS if not (kinds == "uuu" and n in ("operator_norm", "perron", "best_scaling"))]
     at, along = (np.concatenate(random_factors(kinds, 200, seed=s), axis=1).reshape(200, -1) for s in (13, 14))
