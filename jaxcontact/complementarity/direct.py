@@ -12,10 +12,12 @@ import jax.numpy as jnp
 
 from jaxcontact.complementarity.gauss_seidel import hopeless_row
 from jaxcontact.complementarity.method import Answer
+from jaxcontact.complementarity.pairs import Pairs, best_of_pairs
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import scaled
 from jaxcontact.complementarity.short import entrywise
 from jaxcontact.complementarity.status import Status
+from jaxcontact.linalg import walled
 
 LARGEST = 2
 """More contacts have more vertices than a closed form should list."""
@@ -34,8 +36,8 @@ class Best(NamedTuple):
 class Direct:
     """Closed form for m <= 2.
 
-    Where every candidate fails the status is NO_SOLUTION, or INFEASIBLE if a row alone proves it.
-    Raises ValueError for more contacts.
+    Where every candidate fails the status is NO_SOLUTION, or INFEASIBLE if that is proved. Problems without free
+    unknowns are solved as they are, mixed ones as LCPs. Raises ValueError for more contacts.
 
     >>> solve(LCP([[-1.0]], [-1.0]), Direct()).status     # NO_SOLUTION or INFEASIBLE: M < 0 and q < 0
     """
@@ -47,9 +49,8 @@ class Direct:
     def init(self, problem: LCP, start):
         """All candidates, the best of them."""
         m = problem.q.shape[0]
-        if m > LARGEST:
-            raise ValueError(f"Direct: got {m} contacts, takes at most {LARGEST}; write Lemke()")
-        return Best(entrywise(_best, m)(problem.M, problem.q), jnp.ones((), bool))
+        _check_size(m)
+        return Best(walled(entrywise(_best, m))(problem.M, problem.q), jnp.ones((), bool))
 
     def step(self, problem: LCP, state: Best):
         """Nothing to do."""
@@ -58,6 +59,16 @@ class Direct:
     def read(self, problem: LCP, state: Best):
         """The best candidate; if it does not solve the problem, none does."""
         return Answer(state.z, jnp.int32(Status.NO_SOLUTION), hopeless_row(problem))
+
+    def of_pairs(self, P, N, q) -> Pairs:
+        """The best candidate of P z - N w + q = 0, without going through an LCP."""
+        _check_size(len(q))
+        return best_of_pairs(P, N, q)
+
+
+def _check_size(m):
+    if m > LARGEST:
+        raise ValueError(f"Direct: got {m} contacts, takes at most {LARGEST}; write Lemke()")
 
 
 def _best(M, q):

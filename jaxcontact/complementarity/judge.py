@@ -22,7 +22,7 @@ from jaxcontact.complementarity.problems import LCP, MLCP, BoxedLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
 from jaxcontact.complementarity.short import counted, diagonal_of, dot, entrywise, largest, largest_of_rows
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import two_product, two_sum, where_needed
+from jaxcontact.linalg import two_product, two_sum, walled, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
@@ -83,9 +83,9 @@ def judge(problem, claim):
     """
     form = normal_form(problem)
     w = slack(problem, form, claim.free, claim.z, claim.w)
-    eta, rho = entrywise(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
-    active, degenerate = classify(problem, form, claim.z, w)
-    tight = analysed_inverse(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
+    eta, rho = walled(entrywise(residuals, len(form.q)))(problem, form, claim.free, claim.z, claim.w)
+    active, degenerate = walled(classify)(problem, form, claim.z, w)
+    tight = walled(analysed_inverse)(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
     condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
     return Verdict(
         free=claim.free,

@@ -26,7 +26,7 @@ from jaxcontact.complementarity.reduction import reduce_to_lcp
 from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.solution import Solution
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import in_chunks
+from jaxcontact.linalg import in_chunks, walled
 
 
 def solve(problem, method, start=None):
@@ -95,10 +95,14 @@ def _claimed(problem, method, start):
         answer, steps = iterate(problem, method, start)
         return Claim(problem.q[:0], *answer[:1], *answer), steps
     form = normal_form(problem)
-    reduction = reduce_to_lcp(form)
+    if hasattr(method, "of_pairs") and form.F.shape[1] == 0 and len(form.q):
+        best = method.of_pairs(form.P, form.N, form.q)
+        none = jnp.int32(Status.NO_SOLUTION)
+        return Claim(form.q[:0], best.z, best.w, none, best.certificate, best.dependent), jnp.int32(0)
+    reduction = walled(reduce_to_lcp)(form)
     inner = None if start is None else jnp.where(reduction.eliminated, 0, start)
     answer, steps = iterate(reduction.lcp, method, inner)
-    point = _polished(problem, form, reduction.back(answer.z))
+    point = walled(_polished)(problem, form, reduction.back(answer.z))
     certificate = dot(answer.certificate, reduction.transform)
     silent = reduction.dependent & jnp.all(answer.certificate == 0)
     certificate = jnp.where(silent, reduction.contradiction, certificate)
@@ -112,7 +116,7 @@ def _claimed_as_ave(problem, method, start):
     ave = horizontal_as_ave(unchecked(HorizontalLCP, N=form.N, M=form.P, q=form.q))[0]
     answer, steps = iterate(ave, method, start)
     z, w = jnp.maximum(answer.z, 0), jnp.maximum(-answer.z, 0)
-    free, z, w = _polished(problem, form, (form.q[:0], z, w))
+    free, z, w = walled(_polished)(problem, form, (form.q[:0], z, w))
     return Claim(free, z, w, answer.outcome, answer.certificate), steps
 
 

@@ -1,6 +1,6 @@
 """Small dense linear algebra that batches: factors, solves, singular values."""
 
-from jaxcontact.linalg.batches import in_chunks, where_needed
+from jaxcontact.linalg.batches import in_chunks, walled, where_needed
 from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
 from jaxcontact.linalg.decomposition import decomposition
 from jaxcontact.linalg.extrema import greatest, least
@@ -52,5 +52,6 @@ __all__ = [
     "symmetric_eigenvalue_min",
     "two_product",
     "two_sum",
+    "walled",
     "where_needed",
 ]

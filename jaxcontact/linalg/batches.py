@@ -3,6 +3,7 @@
 Functions are written for one problem; these rules say what `jax.vmap` makes of them. A vmap of a vmap is one batch.
 """
 
+import functools
 from collections.abc import Callable
 
 import jax
@@ -76,6 +77,38 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
         return results, jax.tree.map(lambda _: True, results)
 
     return one(needed, otherwise, *arguments)
+
+
+def walled(function: Callable) -> Callable:
+    """`function` as a computation of its own, which XLA neither repeats for each user of its results nor takes apart.
+
+    Without the wall a short program that feeds many others is compiled, and run, many times over. The wall is a branch
+    that is taken if any number given is finite; otherwise all results are zero. Not to be differentiated.
+
+    >>> jax.vmap(walled(lambda x: x + 1))(jnp.zeros(3))     # ones
+    """
+
+    @custom_vmap
+    def one(*arguments):
+        shapes = jax.eval_shape(function, *arguments)
+
+        def nothing(*_):
+            return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+
+        return lax.cond(_some_finite(arguments), function, nothing, *arguments)
+
+    @one.def_vmap
+    def _(size, batched, *arguments):
+        axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
+        results = walled(jax.vmap(function, axes, axis_size=size))(*arguments)
+        return results, jax.tree.map(lambda _: True, results)
+
+    return one
+
+
+def _some_finite(arguments):
+    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(x.dtype, jnp.floating) and x.size]
+    return functools.reduce(jnp.logical_or, [jnp.any(jnp.isfinite(x)) for x in numbers], jnp.zeros((), bool))
 
 
 def _spread(size, batched, arguments):
