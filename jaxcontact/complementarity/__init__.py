@@ -22,6 +22,7 @@ from jaxcontact.complementarity.judge import judge as judge
 from jaxcontact.complementarity.lemke import Lemke as Lemke
 from jaxcontact.complementarity.method import Answer as Answer
 from jaxcontact.complementarity.method import Method as Method
+from jaxcontact.complementarity.principal import PrincipalPivoting as PrincipalPivoting
 from jaxcontact.complementarity.problems import LCP as LCP
 from jaxcontact.complementarity.problems import MLCP as MLCP
 from jaxcontact.complementarity.problems import AbsoluteValueEquation as AbsoluteValueEquation

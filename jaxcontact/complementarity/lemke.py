@@ -18,6 +18,7 @@ from jax import lax
 
 from jaxcontact import linalg
 from jaxcontact.complementarity.method import Answer
+from jaxcontact.complementarity.pivoting import REFINEMENTS, pivot_budget, violation
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import Scaled, scaled
 from jaxcontact.complementarity.short import dot
@@ -28,13 +29,6 @@ TIE = {"float64": 1e4, "float32": 8}
 
 PIVOT = {"float64": 1e5, "float32": 8}
 """A column entry counts as positive above PIVOT eps times the largest entry of its column."""
-
-REFINEMENTS = 2
-"""Correction steps with the final basis; the best of all candidates is kept."""
-
-PIVOTS_PER_ROW = 50
-PIVOTS_OF_A_CUBE = 12
-"""The default budget is PIVOTS_PER_ROW m + 2^min(m, PIVOTS_OF_A_CUBE): Murty's and Fathi's cubes need 2^m pivots."""
 
 
 class Tableau(NamedTuple):
@@ -64,7 +58,7 @@ class Lemke:
 
     covering: the vector d > 0, one number per contact, None for ones. It is a choice: another d may reach another
     solution, or one where the first ends on a ray. It refers to the problem balanced by powers of two.
-    max_steps: pivot cap; None for PIVOTS_PER_ROW m + 2^min(m, PIVOTS_OF_A_CUBE).
+    max_steps: pivot cap; None for `pivoting.pivot_budget`.
     Raises ValueError for a covering vector that is not positive and finite, or a cap below one.
 
     >>> solve(LCP(M, q), Lemke(covering=(1.0, 2.0)))
@@ -84,7 +78,7 @@ class Lemke:
 
     def budget(self, m):
         """Pivots allowed for m contacts."""
-        return self.max_steps or PIVOTS_PER_ROW * m + 2 ** min(m, PIVOTS_OF_A_CUBE)
+        return self.max_steps or pivot_budget(m)
 
     def init(self, problem: LCP, start):
         """The basis after the first pivot, in which z0 has replaced the most violated row; `start` is not used."""
@@ -192,21 +186,17 @@ def _refined(M, q, state):
     measured is what is returned.
     """
     best = jnp.maximum(_unknowns(state.values, state.basis)[0], 0)
-    least = _violation(M, q, best)
+    least = violation(M, q, best)
     values = state.values
     for _ in range(REFINEMENTS):
         z, w = _unknowns(values, state.basis)
         miss = q + dot(M, z) - w
         values = values + jnp.sum(state.inverse * miss[None, :], axis=1)
         z = jnp.maximum(_unknowns(values, state.basis)[0], 0)
-        violation = _violation(M, q, z)
-        better = violation < least
-        best, least = jnp.where(better, z, best), jnp.where(better, violation, least)
+        size = violation(M, q, z)
+        better = size < least
+        best, least = jnp.where(better, z, best), jnp.where(better, size, least)
     return best
-
-
-def _violation(M, q, z):
-    return linalg.greatest(jnp.abs(jnp.minimum(z, dot(M, z) + q)))
 
 
 def _unknowns(values, basis):
