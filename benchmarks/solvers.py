@@ -1,36 +1,78 @@
-"""Solves per second, failures and worst residual of every method for one to sixty-four contacts, beside peers.
+"""Solves per second, failures and residuals of every method for one to sixty-four contacts, beside peers.
 
 `python -m benchmarks solvers --sizes 1 2 4 8 --json solvers.json`. Problems are sliding contacts at half the friction
-where the matrix first fails to be positive definite, the same for every method. Compilation is timed apart.
+where the matrix first fails to be positive definite, the same for every method. Compilation is timed apart. Peers
+(QuantEcon, Drake, Siconos) are measured where they are installed; they work in float64.
 """
 
 import argparse
-import importlib.util
 import json
 import time
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxcontact.complementarity import LCP, Banach, Direct, Lemke, ProjectedGaussSeidel, Status, solve
+from benchmarks._machine import machine
+from benchmarks._peers import available
+from jaxcontact.complementarity import (
+    LCP,
+    Banach,
+    Direct,
+    Lemke,
+    PrincipalPivoting,
+    ProjectedGaussSeidel,
+    Status,
+    solve,
+)
 
 METHODS = {
     "direct": (Direct(), 2),
+    "principal pivoting": (PrincipalPivoting(), 64),
     "lemke": (Lemke(), 64),
+    "gauss-seidel 10": (ProjectedGaussSeidel(sweeps=10), 64),
     "gauss-seidel 50": (ProjectedGaussSeidel(sweeps=50), 64),
-    "gauss-seidel 1000": (ProjectedGaussSeidel(sweeps=1000), 8),
+    "gauss-seidel 320": (ProjectedGaussSeidel(sweeps=320), 8),
     "banach 200": (Banach(iterations=200), 8),
 }
 """Name, method and the largest size at which it is worth waiting for."""
 
+SIZES = (1, 2, 4, 8, 16, 32, 64)
+
 WORK = 2**20
-"""The batch holds about WORK / m^3 problems, between the two limits below."""
+"""The batch holds WORK / m^2 problems, between the two limits below."""
 
-LEAST, MOST = 64, 65536
+LEAST, MOST = 256, 65536
 
-REPEATS = 5
-"""The median of this many runs is reported."""
+REPEATS, PATIENCE = 5, 2.0
+"""A time is the median of several runs, as many as fit in PATIENCE seconds, at least one and at most REPEATS."""
+
+HEADS = "  m  dtype    method                                 batch   solves/s   failed   rho 99%    rho max  compile s"
+
+
+def main(argv: list[str]) -> None:
+    """Print the table; `--sizes`, `--work`, `--json FILE`."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks solvers", description=__doc__.splitlines()[0])
+    parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="numbers of contacts")
+    parser.add_argument("--work", type=int, default=WORK, help="the batch holds about this / m^2 problems")
+    parser.add_argument("--json", metavar="FILE", help="write the measurements to this file")
+    options = parser.parse_args(argv)
+    jax.config.update("jax_enable_x64", True)
+    here, peers, rows = machine(), available(), []
+    print(here)
+    print(HEADS)
+    for m in options.sizes:
+        count = int(np.clip(options.work // m**2, min(LEAST, options.work), MOST))
+        for dtype in (np.float64, np.float32):
+            M, q = problems(m, count, dtype)
+            for name, (method, largest) in METHODS.items():
+                if m <= largest:
+                    rows.append(shown(measured(name, method, M, q)))
+            if dtype is np.float64:
+                rows += [shown(measured_peer(name, loop, M, q)) for name, loop in peers.items()]
+    if options.json:
+        Path(options.json).write_text(json.dumps({"machine": here, "rows": rows}, indent=1) + "\n")
 
 
 def problems(m, count, dtype, seed=0):
@@ -51,38 +93,35 @@ def measured(name, method, M, q):
         answer = solve(LCP(M, q), method)
         return answer.attempt, answer.status, answer.residual
 
+    M, q = jnp.asarray(M), jnp.asarray(q)
     batch = jax.jit(jax.vmap(answers))
     began = time.perf_counter()
     compiled = batch.lower(M, q).compile()
     compilation = time.perf_counter() - began
-    _, status, residual = jax.block_until_ready(compiled(M, q))
-    seconds = median_seconds(lambda: jax.block_until_ready(compiled(M, q)))
+    (_, status, residual), seconds = timed(lambda: jax.block_until_ready(compiled(M, q)))
     return row(name, M, seconds, np.mean(np.asarray(status) != Status.SOLVED), residual, compilation)
 
 
-def measured_quantecon(M, q):
-    """QuantEcon's lcp_lemke, one problem after another, if it is installed."""
-    from quantecon.optimize import lcp_lemke
-
-    M, q = np.asarray(M, float), np.asarray(q, float)
-    lcp_lemke(M[0], q[0])  # numba compiles here
-    results = [lcp_lemke(*data) for data in zip(M, q, strict=True)]
-    seconds = median_seconds(lambda: [lcp_lemke(*data) for data in zip(M, q, strict=True)])
-    z = np.array([result.z for result in results])
+def measured_peer(name, loop, M, q):
+    """One row for a solver of somebody else: `failed` is what it says of itself, the residual is ours."""
+    began = time.perf_counter()
+    loop(M[:1], q[:1])  # compiled here, where it is
+    compilation = time.perf_counter() - began
+    (z, solved), seconds = timed(lambda: loop(M, q))
     w = np.einsum("bij,bj->bi", M, z) + q
     diagonal = np.diagonal(M, axis1=1, axis2=2)
     residual = np.abs(np.minimum(diagonal * z, w)).max(axis=1) / np.abs(q).max(axis=1)
-    return row("quantecon", M, seconds, np.mean([not result.success for result in results]), residual, 0.0)
+    return row(name, M, seconds, np.mean(~solved), residual, compilation)
 
 
-def median_seconds(run):
-    """The median wall time of REPEATS runs."""
-    times = []
-    for _ in range(REPEATS):
+def timed(run):
+    """(result, median seconds) after one run that does not count."""
+    result, times = run(), []
+    while len(times) < REPEATS and sum(times) < PATIENCE:
         began = time.perf_counter()
-        run()
+        result = run()
         times.append(time.perf_counter() - began)
-    return float(np.median(times))
+    return result, float(np.median(times))
 
 
 def row(name, M, seconds, failed, residual, compilation):
@@ -101,29 +140,12 @@ def row(name, M, seconds, failed, residual, compilation):
     }
 
 
-def main(argv: list[str]) -> None:
-    """Print the table; `--sizes`, `--json FILE`."""
-    parser = argparse.ArgumentParser(prog="benchmarks solvers", description=__doc__.splitlines()[0])
-    parser.add_argument("--sizes", type=int, nargs="+", default=[1, 2, 3, 4, 8, 16, 32, 64])
-    parser.add_argument("--json", metavar="FILE")
-    options = parser.parse_args(argv)
-    jax.config.update("jax_enable_x64", True)
-    rows = []
-    heads = "  m  dtype    method              solves/s   failed   rho 99%    rho max  compile s"
-    print(heads)
-    for m in options.sizes:
-        for dtype in (np.float64, np.float32):
-            M, q = map(jnp.asarray, problems(m, int(np.clip(WORK // m**3, LEAST, MOST)), dtype))
-            fitting = [(name, method) for name, (method, largest) in METHODS.items() if m <= largest]
-            found = [measured(name, method, M, q) for name, method in fitting]
-            if dtype is np.float64 and importlib.util.find_spec("quantecon"):
-                found.append(measured_quantecon(M, q))
-            for r in found:
-                print(
-                    f"{m:3d}  {r['dtype']:8} {r['method']:18} {r['per_second']:9.3g}  {r['failed']:7.4f}"
-                    f"  {r['residual_99_percent']:8.1e}  {r['residual_worst']:8.1e}  {r['compile_seconds']:9.2f}"
-                )
-            rows += found
-    if options.json:
-        with open(options.json, "w") as file:
-            json.dump(rows, file, indent=1)
+def shown(r):
+    """The record, printed."""
+    print(
+        f"{r['contacts']:3d}  {r['dtype']:8} {r['method']:36} {r['batch']:7d}  {r['per_second']:9.3g}"
+        f"  {r['failed']:7.4f}  {r['residual_99_percent']:8.1e}  {r['residual_worst']:8.1e}"
+        f"  {r['compile_seconds']:9.2f}",
+        flush=True,
+    )
+    return r
