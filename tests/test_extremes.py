@@ -315,7 +315,8 @@ def test_a_hundred_contacts_are_solved_and_what_looks_at_every_vertex_says_that_
         found = jc.solve(jc.LCP(jnp.asarray(M, dtype), jnp.asarray(q, dtype)), jc.Lemke())
         assert found.status == jc.Status.SOLVED
         np.testing.assert_allclose(found.z, exact, atol=8 * eps_of(dtype) * condition * exact.max())
-        assert found.residual <= 64 * eps_of(dtype)
+        # Relative to the load, and the forces at the bottom are a hundred loads.
+        assert float(found.residual) <= 8 * eps_of(dtype) * exact.max() / abs(q).max()
     contacts = tuple(jc.Contact(str(i), "unilateral", True) for i in range(100))
     here = jc.Delassus(N=jnp.eye(100), T=jnp.eye(100), w=jnp.asarray(q), L=None, terms=None, contacts=contacts)
     with pytest.raises(ValueError, match="critical_bracket"):
