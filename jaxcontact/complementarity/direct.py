@@ -15,9 +15,8 @@ from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.pairs import Pairs, best_of_pairs
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import scaled
-from jaxcontact.complementarity.short import entrywise
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import walled
+from jaxcontact.linalg import as_one, from_one, fused, walled
 
 LARGEST = 2
 """More contacts have more vertices than a closed form should list."""
@@ -50,7 +49,7 @@ class Direct:
         """All candidates, the best of them."""
         m = problem.q.shape[0]
         _check_size(m)
-        return Best(walled(entrywise(_best, m))(problem.M, problem.q), jnp.ones((), bool))
+        return Best(from_one(walled(fused(_best))(problem.M, problem.q)), jnp.ones((), bool))
 
     def step(self, problem: LCP, state: Best):
         """Nothing to do."""
@@ -72,7 +71,7 @@ def _check_size(m):
 
 
 def _best(M, q):
-    """(m,) the candidate with the least violation, in the caller's units."""
+    """The candidate with the least violation, in the caller's units, as one number."""
     m = len(q)
     data = scaled(M, q)
     M, q = data.M, data.q
@@ -83,7 +82,7 @@ def _best(M, q):
         better = violation < least
         best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
         least = jnp.where(better, violation, least)
-    return data.unscale(jnp.stack(best))
+    return as_one(list(data.unscale(jnp.stack(best))))
 
 
 def _vertices(M, q):

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, balanced
-from jaxcontact.linalg import det2, fused, walled
+from jaxcontact.linalg import as_one, det2, from_one, fused, walled
 
 
 class Pairs(NamedTuple):
@@ -33,13 +33,13 @@ def best_of_pairs(P, N, q) -> Pairs:
 
     >>> best_of_pairs(jnp.eye(1), jnp.eye(1), -jnp.ones(1)).z     # 1
     """
-    m = len(q)
 
     def alone(part):
         return walled(fused(lambda P, N, q: part(*_scaled(P, N, q))))(P, N, q)
 
-    y = alone(_best)
-    return Pairs(y[:m], y[m:], alone(_no_regular_mode), alone(_separating))
+    x = from_one(alone(_best))
+    z, w = jnp.maximum(x, 0), jnp.maximum(-x, 0)
+    return Pairs(z, w, alone(_no_regular_mode), from_one(alone(_separating)))
 
 
 def _scaled(P, N, q):
@@ -51,7 +51,7 @@ def _scaled(P, N, q):
 
 
 def _best(columns, load, rows, scales):
-    """(2 m,) the candidate with the least violation."""
+    """x = z - w of the candidate with the least violation, as one number."""
     zero = jnp.zeros((), load[0].dtype)
     best = [zero] * len(columns)
     least = _violation(columns, best, load)
@@ -63,7 +63,8 @@ def _best(columns, load, rows, scales):
         better = sound & (violation < least)
         best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
         least = jnp.where(better, violation, least)
-    return jnp.stack(best) * scales
+    m = len(load)
+    return as_one([best[j] * scales[j] - best[m + j] * scales[m + j] for j in range(m)])
 
 
 def _no_regular_mode(columns, load, rows, scales):
@@ -98,7 +99,7 @@ def _violation(columns, y, load):
 
 
 def _separating(columns, load, rows, scales):
-    """(m,) y: of the generators of {y : y'column >= 0 for all columns} the one with y'load lowest, or zero."""
+    """y as one number: the generator of {y : y'column >= 0 for all columns} with the lowest y'load, or zero."""
     zero = jnp.zeros((), load[0].dtype)
     best, lowest = [zero] * len(load), zero
     for y in _normals(columns, load):
@@ -110,7 +111,7 @@ def _separating(columns, load, rows, scales):
         better = (fall < lowest) & jnp.stack(fits).all()
         best = [jnp.where(better, new, old) for new, old in zip(y, best, strict=True)]
         lowest = jnp.where(better, fall, lowest)
-    return jnp.stack(best) * rows
+    return as_one([y * row for y, row in zip(best, rows, strict=True)])
 
 
 def _normals(columns, load):

@@ -13,7 +13,7 @@ from jaxcontact.linalg.factors import (
     solve_lower,
     solve_lower_transposed,
 )
-from jaxcontact.linalg.fused import fused
+from jaxcontact.linalg.fused import as_one, from_one, fused
 from jaxcontact.linalg.jacobi import singular_values_jacobi
 from jaxcontact.linalg.singular import (
     singular_pair_max,
@@ -26,12 +26,14 @@ from jaxcontact.linalg.symmetric import symmetric_eigenvalue_max, symmetric_eige
 from jaxcontact.linalg.unrolled import shield
 
 __all__ = [
+    "as_one",
     "cholesky",
     "decomposition",
     "det",
     "det2",
     "det3",
     "dot",
+    "from_one",
     "fused",
     "gram",
     "greatest",

@@ -3,7 +3,6 @@
 Functions are written for one problem; these rules say what `jax.vmap` makes of them. A vmap of a vmap is one batch.
 """
 
-import functools
 from collections.abc import Callable
 
 import jax
@@ -83,7 +82,7 @@ def walled(function: Callable) -> Callable:
     """`function` as a computation of its own, which XLA neither repeats for each user of its results nor takes apart.
 
     Without the wall a short program that feeds many others is compiled, and run, many times over. The wall is a branch
-    that is taken if any number given is finite; otherwise all results are zero. Not to be differentiated.
+    that is always taken, which the compiler cannot know. Not to be differentiated.
 
     >>> jax.vmap(walled(lambda x: x + 1))(jnp.zeros(3))     # ones
     """
@@ -95,7 +94,7 @@ def walled(function: Callable) -> Callable:
         def nothing(*_):
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
-        return lax.cond(_some_finite(arguments), function, nothing, *arguments)
+        return lax.cond(_always(arguments), function, nothing, *arguments)
 
     @one.def_vmap
     def _(size, batched, *arguments):
@@ -106,9 +105,12 @@ def walled(function: Callable) -> Callable:
     return one
 
 
-def _some_finite(arguments):
-    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(x.dtype, jnp.floating) and x.size]
-    return functools.reduce(jnp.logical_or, [jnp.any(jnp.isfinite(x)) for x in numbers], jnp.zeros((), bool))
+def _always(arguments):
+    """True, as a computed number: 0 x is zero or NaN, and neither is one."""
+    for x in jax.tree.leaves(arguments):
+        if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
+            return 0 * x[(0,) * x.ndim] != 1
+    return True
 
 
 def _spread(size, batched, arguments):

@@ -77,6 +77,21 @@ def fused(function: Callable, *, final: bool = False) -> Callable:
     return rewritten
 
 
+def as_one(entries: list) -> Any:
+    """One or two real scalars as one number, so that a program has one result and stays one loop over a batch.
+
+    >>> from_one(as_one([jnp.ones(()), jnp.zeros(())]))     # (1, 0)
+    """
+    return entries[0] if len(entries) == 1 else lax.complex(*entries)
+
+
+def from_one(number: jax.Array) -> jax.Array:
+    """(1,) or (2,) what `as_one` packed."""
+    if not jnp.issubdtype(number.dtype, jnp.complexfloating):
+        return number[None]
+    return jnp.stack([jnp.real(number), jnp.imag(number)])
+
+
 class _Reader:
     """Reads a program step by step; `known` remembers what has been computed, by operation and operands."""
 

@@ -108,7 +108,21 @@ STRUCTURE = {
 }
 
 ELEMENTWISE = {
-    *("abs", "acos", "add", "add_any", "and", "asin", "atan", "atan2", "bitcast_convert_type", "clamp", "cos", "cosh"),
+    *(
+        "abs",
+        "acos",
+        "add",
+        "add_any",
+        "and",
+        "asin",
+        "atan",
+        "atan2",
+        "bitcast_convert_type",
+        "clamp",
+        "complex",
+        "cos",
+        "cosh",
+    ),
     *("convert_element_type", "div", "eq", "exp", "ge", "gt", "integer_pow", "is_finite", "le", "log", "lt", "max"),
     *("min", "mul", "ne", "neg", "not", "or", "pow", "rsqrt", "select_n", "shift_left", "shift_right_arithmetic"),
     *("shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor"),
