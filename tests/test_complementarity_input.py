@@ -10,6 +10,7 @@ from jaxcontact.complementarity import (
     MLCP,
     AbsoluteValueEquation,
     Banach,
+    BoxedLCP,
     Direct,
     Lemke,
     ProjectedGaussSeidel,
@@ -93,6 +94,8 @@ def test_half_made_methods_and_problems_are_refused():
         solve(problem, "lemke")
     with pytest.raises(TypeError, match="expected a problem"):
         solve((np.eye(2), np.zeros(2)), Lemke())
+    with pytest.raises(TypeError, match="without free unknowns, got BoxedLCP"):
+        solve(BoxedLCP(np.eye(2), np.zeros(2), np.zeros(2), np.ones(2)), Banach())
 
 
 @pytest.mark.parametrize("covering", [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (np.inf, 1.0)])

@@ -148,3 +148,14 @@ def test_a_bracket_of_twenty_contacts_has_a_witness_within_a_factor_of_the_lower
     assert 0 < found.lower <= found.upper < jnp.inf
     A = here.W - found.upper * here.Wt * found.signs[None, :]
     assert np.linalg.svd(A, compute_uv=False)[-1] < 1e-10 * np.linalg.norm(A, 2)
+
+
+@pytest.mark.parametrize("pull", [0.0, 10.0])
+def test_a_threshold_that_does_not_exist_is_not_made_of_rounding(pull):
+    """Two guides that slide the same way: 2c^2 + sc(mu_1 + mu_2) > 0 at every friction (mathematics 1.5); existence
+    holds for |mu_1 - mu_2| < 2 cot theta. Of nilpotent couplings the eigenvalues are zero to half the digits."""
+    guides = PainleveKlein(gravity=9.81 if pull else 0.0, lower_pull=10.0)
+    here = jc.delassus(guides, guides.state(theta=np.pi / 4))
+    assert jc.bounds.critical_for_load(here, jnp.ones(2)) == jnp.inf
+    assert jc.bounds.critical_existence(here, jnp.ones(2)) == jnp.inf
+    np.testing.assert_allclose(jc.bounds.critical_existence(here, jnp.array([1.0, -1.0])), 1.0, rtol=1e-12)

@@ -1,5 +1,7 @@
 """Blocks and Schur complements against their definitions, in one precision above the one tested."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 from reference import table
 
 import jaxcontact as jc
-from jaxcontact.dynamics import bilateral_schur, without_frictionless_bilateral
+from jaxcontact.dynamics import bilateral_schur, whitened, without_frictionless_bilateral
 from jaxcontact.mechanisms import GuidedRodUnderCeiling, PainleveKlein
 
 
@@ -142,3 +144,21 @@ def test_operators_follow_the_precision_of_the_state(dtype):
     assert {leaf.dtype.name for leaf in jax.tree.leaves(here)} == {dtype}
     without = PainleveKlein(lower_frictional=False)
     assert jc.bounds.norm_ratio(jc.delassus(without, without.state(theta=jnp.asarray(0.9, dtype)))).dtype == dtype
+
+
+@pytest.mark.parametrize(
+    ("dtype", "size", "tip"), [(jnp.float64, 1e150, 0.0), (jnp.float32, 1e17, 0.0), (jnp.float32, 1.0, 1e10)]
+)
+def test_a_mass_matrix_beyond_the_number_format_makes_every_bound_nan(dtype, size, tip):
+    """m l^2 overflows, or a tip mass hides the rod: what is lost in rounding must not come back as a bound."""
+    M = np.diag([1 + tip, 1 + tip, 1 / 12 + tip / 4])
+    M[0, 2] = M[2, 0] = -tip * np.sin(0.9) / 2
+    M[1, 2] = M[2, 1] = tip * np.cos(0.9) / 2
+    with np.errstate(over="ignore"):
+        M = (M * np.outer([1, 1, size], [1, 1, size]) * size).astype(dtype)
+    guides = PainleveKlein()
+    parts = jc.terms(guides, guides.state(theta=0.9))
+    parts = jax.tree.map(lambda x: x.astype(dtype), parts)
+    here = jax.jit(lambda M: whitened(replace(parts, M=M), guides.contacts))(M)
+    assert jnp.isnan(jc.bounds.norm_ratio(here))
+    assert jnp.isnan(jc.bounds.critical(here))

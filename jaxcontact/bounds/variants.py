@@ -24,6 +24,10 @@ MOST_FOR_LOAD = 4
 SIGN = 1e-7
 """Share of the largest component of a null vector below which its sign is not looked at."""
 
+ZERO = 16
+NILPOTENT = 4
+"""An eigenvalue below ZERO m eps |X| times its condition, or below NILPOTENT (m eps)^(1/m) |X|, may be a zero."""
+
 TIE = 1e4
 """Vertices whose thresholds agree to this many roundings bind together."""
 
@@ -120,13 +124,14 @@ def critical_existence(operators: Delassus, xi: Array, ratio: Array | None = Non
     both = jnp.asarray([i in problem.bilateral for i in range(len(problem.kept))], bool)
 
     def radius(closed, signs):
-        values, vectors = jnp.linalg.eig(_masked_coupling(N, T, closed, signs))
+        X = _masked_coupling(N, T, closed, signs)
+        values, vectors = jnp.linalg.eig(X)
         size = linalg.greatest(abs(vectors), axis=0)
         place = jnp.argmax(abs(vectors), axis=0)
         # The phase that makes the largest component real makes the vector of a real eigenvalue real.
         leading = jnp.take_along_axis(vectors, place[None, :], axis=0)
         v = (vectors * jnp.conj(leading)).real / (size * size)[None, :]
-        real = (abs(values.imag) <= SIGN * abs(values.real)) & (values.real > 0)
+        real = (abs(values.imag) <= SIGN * abs(values.real)) & (values.real > 0) & _not_rounding(X, values, vectors)
         r = 1 / jnp.where(real, values.real, 1)
         gap = _product(N.T, _product(N * closed[None, :], v) - r[None, :] * _product(T * signs[None, :], v))
         # Bilateral: sgn(v_i) = xi_i S_i; closed unilateral: v_i >= 0; open: the gap may only open.
@@ -188,9 +193,24 @@ def _events(W: Array, Wt: Array, w: Array, mode: Array) -> Array:
         at = (jnp.arange(m) == i)[None, :]
         replaced.append((jnp.where(at, w[:, None], A), jnp.where(at, 0, B)))
     P, Q = (jnp.stack(parts) for parts in zip(*replaced))
-    values = jax.vmap(jnp.linalg.eigvals)(_finite(jnp.linalg.solve(P, Q)))
+    X = _finite(jnp.linalg.solve(P, Q))
+    values, vectors = jnp.linalg.eig(X)
     real = (abs(values.imag) <= SIGN * abs(values.real)) & (values.real > 0)
+    real = real & jax.vmap(_not_rounding)(X, values, vectors)
     return jnp.where(real, 1 / jnp.where(real, values.real, 1), jnp.inf).reshape(-1)
+
+
+def _not_rounding(X: Array, values: Array, vectors: Array) -> Array:
+    """(m,) bool: eigenvalues of X that are not zero up to rounding.
+
+    Rounding moves each by eps |X| times its condition |y| |v| / |y'v| (Wilkinson), where X is nearly nilpotent by up to
+    (m eps)^(1/m) |X| (Elsner, Linear Algebra Appl. 71 (1985)), whichever is less.
+    """
+    m, eps = X.shape[0], float(jnp.finfo(X.dtype).eps)
+    left = jnp.linalg.inv(vectors)
+    condition = jnp.sqrt(jnp.sum(abs(left) ** 2, axis=1) * jnp.sum(abs(vectors) ** 2, axis=0))
+    share = jnp.fmin(ZERO * m * eps * condition, NILPOTENT * (m * eps) ** (1 / m))
+    return abs(values) > share * jnp.sqrt(jnp.sum(X * X))
 
 
 def _count(W: Array, Wt: Array, w: Array, modes: Array, r: Array) -> Array:

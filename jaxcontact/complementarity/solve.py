@@ -89,7 +89,7 @@ def _answer(method, m):
 
 def _claimed(problem, method, start):
     """The method's `Claim` on the normal form of the problem, and its steps."""
-    if getattr(method, "kind", LCP) is AbsoluteValueEquation and not isinstance(problem, MLCP | BoxedLCP):
+    if _sees_ave(method):
         return _claimed_as_ave(problem, method, start)
     if isinstance(problem, LCP):
         answer, steps = iterate(problem, method, start)
@@ -108,6 +108,11 @@ def _claimed(problem, method, start):
     certificate = jnp.where(silent, reduction.contradiction, certificate)
     free = _least_norm(form.F, point[0], reduction.dependent)
     return Claim(free, *point[1:], answer.outcome, certificate, reduction.dependent), steps
+
+
+def _sees_ave(method):
+    """bool: the method is one for absolute value equations."""
+    return getattr(method, "kind", LCP) is AbsoluteValueEquation
 
 
 def _claimed_as_ave(problem, method, start):
@@ -178,6 +183,9 @@ def _check_door(problem, method, start):
         raise TypeError(f"solve: expected a problem such as LCP(M, q), got {type(problem).__name__}")
     if isinstance(method, type) or not all(hasattr(method, verb) for verb in ("init", "step", "read", "budget")):
         raise TypeError(f"solve: expected a method such as Lemke(), got {method!r}")
+    if _sees_ave(method) and isinstance(problem, MLCP | BoxedLCP):
+        kind = type(problem).__name__
+        raise TypeError(f"solve: {method!r} takes problems without free unknowns, got {kind}; Lemke() will do")
     vector = {"MLCP": "b", "AbsoluteValueEquation": "w"}.get(type(problem).__name__, "q")
     values = getattr(problem, vector)
     if values.ndim != 1:

@@ -108,7 +108,7 @@ def delassus(mechanism: Any, state: State) -> Delassus:
     `delassus(guides, guides.state(theta=0.9)).A_nb`
 
     Works for one state; batches through `jax.vmap`. Called with plain values it is checked; inside a trace nothing can
-    be raised, and a mass matrix that is not positive definite makes every entry NaN.
+    be raised, and a mass matrix that is not positive definite, or only up to rounding, makes every entry NaN.
 
     Raises (eager calls only, but for the shapes):
         ValueError: if a value is NaN, the mass matrix is not positive definite, the kinetic energy does not vanish at
@@ -172,11 +172,23 @@ def whitened(parts: Terms, contacts: tuple[Contact, ...]) -> Delassus:
 
     `whitened(terms(guides, state), guides.contacts)`
     """
-    L = linalg.cholesky(parts.M)
+    L = _factor(parts.M)
     N, T = linalg.solve_lower(L, parts.G), linalg.solve_lower(L, parts.H)
     free = linalg.solve_lower(L, parts.F)
     w = parts.c - linalg.gram(N, free[:, None])[:, 0]
     return Delassus(N=N, T=T, w=w, L=L, terms=parts, contacts=tuple(contacts))
+
+
+def _factor(M: Array) -> Array:
+    """L with L L^T = M; NaN where M overflows or a pivot is rounding, so that some mass is lost in the others."""
+    n = M.shape[0]
+    L = linalg.cholesky(M)
+    if n == 0:
+        return L
+    diagonal = jnp.stack([M[i, i] for i in range(n)])
+    noise = n * float(jnp.finfo(M.dtype).eps)
+    sound = jnp.stack([L[i, i] ** 2 > noise * diagonal[i] for i in range(n)]).all() & (jnp.sum(diagonal) < jnp.inf)
+    return jnp.where(sound, L, jnp.nan)
 
 
 @jax.jit

@@ -58,7 +58,7 @@ class LinearBearing:
 
     def state(self, t=0.0) -> State:
         """The carriage aligned with the shaft, moving with the drive."""
-        t = jnp.asarray(t, dtype=float) if isinstance(t, int | float) else t
         position = jnp.asarray(self.drive_speed * t)
+        t = jnp.asarray(t).astype(position.dtype)
         q = jnp.array([position, 0.0, 0.0])
         return State(q, jnp.array([self.drive_speed, 0.0, 0.0], q.dtype), t)
