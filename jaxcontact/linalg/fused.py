@@ -187,8 +187,8 @@ class _Reader:
         lines = np.moveaxis(places(x), step.params["axis"], 0)
         lines = lines[::-1] if step.params["reverse"] else lines
         flat = list(x.flat)
-        for before, after in itertools.pairwise(lines.reshape(len(lines), -1)):
-            for i, j in zip(before, after, strict=True):
+        for before, after in itertools.pairwise(lines):
+            for i, j in zip(np.ravel(before), np.ravel(after), strict=True):
                 flat[j] = self._scalar(lax.add_p, None, (flat[i], flat[j]))
         return Entries(x.shape, x.dtype, flat)
 
