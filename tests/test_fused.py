@@ -82,3 +82,24 @@ def test_the_bound_of_every_mechanism_is_one_kernel_without_library_calls(mechan
     assert program.count(" fusion(") <= 1
     assert "custom-call" not in program
     assert "while(" not in program
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (1, 4), (4, 1), (0, 3)])
+def test_extrema_quantifiers_running_sums_and_counters_are_those_of_the_arrays(shape):
+    def function(x):
+        largest = jnp.max(x, axis=0, initial=0.25) if shape[0] else jnp.zeros(shape[1])
+        return (
+            largest,
+            jnp.min(x, axis=1),
+            jnp.all(x > 0, axis=0),
+            jnp.any(x > 0.5, axis=1),
+            jnp.cumsum(x, axis=1),
+            jax.lax.cumsum(x, axis=0, reverse=True),
+            jnp.where(jnp.eye(*shape, dtype=bool), jnp.arange(shape[1], dtype=float)[None, :], x),
+        )
+
+    x = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, shape))
+    jax.tree.map(np.testing.assert_array_equal, fused(function)(x), function(x))
+    if x.size:
+        poisoned = x.at[0, 0].set(jnp.nan)
+        jax.tree.map(np.testing.assert_array_equal, fused(function)(poisoned), function(poisoned))
