@@ -21,5 +21,6 @@ def test_operations_fall_from_scene_to_scene(name):
 
 
 def test_the_bound_of_one_contact_is_little_more_than_a_division():
+    """The division, one sine and cosine, and for each of three masses whether rounding has swallowed it."""
     rod = GuidedRod()
-    assert operations(QUANTITIES["norm_ratio"], rod, rod.state(theta=0.9)) < 50
+    assert operations(QUANTITIES["norm_ratio"], rod, rod.state(theta=0.9)) < 70
