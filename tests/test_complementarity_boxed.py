@@ -88,7 +88,7 @@ def known():
     return problems, [np.array([float(x) for x in oracle.boxed(*p)]) for p in problems]
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 def test_the_stored_problem_has_its_exact_answer(dtype):
     lower = [-np.inf if b is None else b for b in CASE["lo"]]
     upper = [np.inf if b is None else b for b in CASE["hi"]]
@@ -285,6 +285,7 @@ def test_equal_bounds_that_move_together_carry_their_unknown():
     np.testing.assert_allclose(tangent, [1.0, -0.5], rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_bad_lane_keeps_its_nan_and_infinite_bounds_have_a_finite_derivative():
     problems = [extended(*p, float) for p in known()[0][:LANES]]
     problems = (problems * 2)[:LANES]

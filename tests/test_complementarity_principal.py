@@ -132,6 +132,7 @@ def test_no_diagonal_pivot_is_no_claim_although_a_solution_exists():
     assert np.isnan(answer.z[0]).all()
 
 
+@pytest.mark.slow
 def test_a_warm_start_at_the_answer_needs_only_its_own_pivots_and_a_wrong_one_does_no_harm():
     names, problems, _ = fresh(np.float64)
     problems = [p for name, p in zip(names, problems) if name in {f.__name__ for f in UNIQUE}]

@@ -218,6 +218,7 @@ def test_gradients_agree_with_central_differences_and_reverse_with_forward_mode(
     np.testing.assert_allclose(slope[smooth], difference[smooth], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_second_derivatives_follow_the_closed_form_and_the_difference_of_gradients():
     guides = PainleveKlein()
     theta = jnp.linspace(0.2, 1.4, 5)

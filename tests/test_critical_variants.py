@@ -139,6 +139,7 @@ def test_brackets_enclose_forty_digits_and_name_a_true_witness(kinds):
     assert np.median(found.upper / expected) < 1 + 1e-9
 
 
+@pytest.mark.slow
 def test_a_bracket_of_twenty_contacts_has_a_witness_within_a_factor_of_the_lower_bound():
     N, T = random_factors("b" * 20, 1, seed=8)
     here = operators_of(jnp.asarray(N[0]), jnp.asarray(T[0]), "b" * 20)

@@ -46,7 +46,17 @@ def test_the_twenty_lines_of_the_readme_print_what_the_readme_says(tmp_path):
     assert (tmp_path / "atlas.svg").stat().st_size > 0
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.py")), ids=lambda p: p.stem)
+LONG = {"critical_friction", "extremes"}
+"""Notebooks that run for a minute or more."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG))
+        for path in sorted((ROOT / "notebooks").glob("*.py"))
+    ],
+)
 def test_notebooks_run(path, tmp_path):
     run_as_a_user(path, tmp_path)
 

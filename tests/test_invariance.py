@@ -66,6 +66,7 @@ def changed_by(kilogram, metre):
     return changed
 
 
+@pytest.mark.slow
 def test_grams_for_kilograms_change_proposition_14_alone():
     assert changed_by(kilogram=1e3, metre=1.0) == DEPENDS_ON_MASS_UNIT
 

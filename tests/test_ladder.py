@@ -38,7 +38,7 @@ def batched(name, kinds):
     return jax.jit(jax.vmap(lambda N, T: bound(operators_of(N, T, kinds))))
 
 
-@pytest.mark.parametrize("dtype", ORDER)
+@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("kinds", "names"), [("bbb", BILATERAL), ("uuu", ANY), ("bu", ANY)])
 def test_every_rung_is_below_the_next_on_ten_thousand_random_systems(kinds, names, dtype):
     N, T = (x.astype(dtype) for x in random_factors(kinds, 4000 if kinds == "uuu" else 3000, seed=11))
@@ -103,6 +103,7 @@ def test_multipliers_prove_that_no_scaling_has_a_smaller_norm(m):
     assert np.mean(second > 1 - 1e-9) > 0.1  # repeated at the minimum
 
 
+@pytest.mark.slow
 def test_scaling_away_what_no_cycle_joins():
     """Entries of a triangle vanish for D growing along it: the largest diagonal entry is left, or nothing."""
     X = jnp.triu(jnp.ones((3, 3)), 1)
@@ -113,6 +114,7 @@ def test_scaling_away_what_no_cycle_joins():
     np.testing.assert_allclose(jnp.sum(jax.grad(scaled_norm)(0.5 * jnp.eye(3))), 1.0, rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_second_derivatives_of_the_scaled_norm_follow_differences_of_the_first():
     N, T = random_factors("bbb", 40, seed=15)
     X = jnp.stack([jnp.linalg.lstsq(n, t)[0] for n, t in zip(jnp.asarray(N), jnp.asarray(T))])
@@ -180,7 +182,13 @@ CHARTS = {
 """Mechanism -> (two numbers -> mechanism and chart, their lower ends, their upper ends)."""
 
 
-@pytest.mark.parametrize("name", all_mechanisms())
+LONG = {"ArticulatedPainleveKlein", "FlexiblePainleveKlein", "LinearBearing", "RodBetweenFloorAndCeiling"}
+"""Half a minute or more to compile, and alike to the others."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in all_mechanisms()]
+)
 def test_derivatives_of_every_bound_at_two_hundred_points_of_every_mechanism(name):
     make, low, high = CHARTS[name]
 
@@ -207,7 +215,8 @@ class Speaking(NamedTuple):
     contacts: tuple
 
 
-@pytest.mark.parametrize("kinds", ["bbb", pytest.param("uuu", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", ["bbb", "uuu"])
 def test_derivatives_of_the_rungs_at_two_hundred_random_systems(kinds):
     names = [n for n in RUNGS if not (kinds == "uuu" and n in ("operator_norm", "perron", "best_scaling"))]
     at, along = (np.concatenate(random_factors(kinds, 200, seed=s), axis=1).reshape(200, -1) for s in (13, 14))

@@ -8,12 +8,11 @@ from jax import Array, lax
 
 from .. import linalg
 from ..dynamics import Delassus
-from .coupling import square_factors
+from .coupling import masked_coupling, square_factors
 from .critical import ratio_array, regular_shape, threshold, zero_radius
 from .ladder import operator_norm, perron, sharper_direct
 from .norm_ratio import norm_ratio
 from .sign_real import balanced
-from .variants import _masked_coupling
 from .vertices import Reduced, reduced
 
 STARTS = 8
@@ -75,7 +74,7 @@ def _search(problem: Reduced) -> tuple[Array, Array, Array]:
     rough = jnp.asarray([float(i in problem.frictional) for i in range(m)], N.dtype)
 
     def value(closed, signs):
-        return linalg.real_eigenvalue_max(balanced(_masked_coupling(N, T, closed, signs * rough)))
+        return linalg.real_eigenvalue_max(balanced(masked_coupling(N, T, closed, signs * rough)))
 
     def climbed(start):
         closed, signs = start

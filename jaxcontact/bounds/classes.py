@@ -173,7 +173,7 @@ def _membership(of_vertex: Callable, members: np.ndarray, signs: np.ndarray, siz
     worst = jnp.argmax(jnp.where(broken, distance, -1.0))
     place = jnp.where(no, worst, jnp.argmin(distance))
     return Membership(
-        verdict=_verdict(yes, no),
+        verdict=verdict_of(yes, no),
         margin=jnp.where(no, -distance[place], distance[place]),
         members=member[place] > 0,
         signs=sign[place],
@@ -183,11 +183,11 @@ def _membership(of_vertex: Callable, members: np.ndarray, signs: np.ndarray, siz
 def _by_value(value: Array, size: Array, members: Array) -> Membership:
     """A class that holds where `value`, right to rounding of `size`, is positive."""
     tolerance = ROUNDING * members.shape[0] * float(jnp.finfo(size.dtype).eps) * size
-    verdict = _verdict(value > tolerance, value < -tolerance)
+    verdict = verdict_of(value > tolerance, value < -tolerance)
     return Membership(verdict=verdict, margin=value, members=members, signs=jnp.ones(members.shape, size.dtype))
 
 
-def _verdict(yes: Array, no: Array) -> Array:
+def verdict_of(yes: Array, no: Array) -> Array:
     known = jnp.where(yes, int(Verdict.YES), int(Verdict.UNDECIDED))
     return jnp.where(no, int(Verdict.NO), known).astype(jnp.int32)
 

@@ -142,3 +142,11 @@ def _substituted(R, inverse, E, absolute, t):
             terms = terms + lax.abs(R[i][j]) * size[j]
         x[i], size[i] = value * inverse[i], terms * inverse[i]
     return x, size
+
+
+def masked_coupling(N: Array, T: Array, closed: Array, signs: Array) -> Array:
+    """(m, m) X S of the closed contacts, zero rows and columns for the open ones."""
+    m = N.shape[1]
+    N = jnp.concatenate([N * closed[None, :], jnp.eye(m, dtype=N.dtype) * (1 - closed)[None, :]])
+    T = jnp.concatenate([T * (signs * closed)[None, :], jnp.zeros((m, T.shape[1]), T.dtype)])
+    return coupling(N, T)

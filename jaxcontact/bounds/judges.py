@@ -9,7 +9,7 @@ from jax import Array
 from .. import linalg
 from ..dynamics import Delassus
 from ..dynamics.delassus import select, select_columns
-from .classes import Verdict
+from .classes import Verdict, verdict_of
 from .coupling import DEPENDENT
 from .redundancy import missed
 
@@ -24,7 +24,7 @@ def independence(operators: Delassus, rows: tuple[int, ...]) -> tuple[Array, Arr
     least = linalg.singular_value_min(N / jnp.where(length > 0, length, 1)[None, :])
     limit = DEPENDENT * float(jnp.finfo(N.dtype).eps)
     # At rounding level dependence cannot be told from near dependence: NO is said of what is equal up to rounding.
-    return verdict(least > limit, least <= limit), least
+    return verdict_of(least > limit, least <= limit), least
 
 
 def rank_of(kind: str) -> Callable:
@@ -42,7 +42,7 @@ def below(bound: Callable) -> Callable:
         regular, least = independence(operators, tuple(range(len(operators.contacts))))
         value = bound(operators, mu)
         limit = CLOSE * float(jnp.finfo(mu.dtype).eps) * (1 + 1 / jnp.where(least > 0, least, 1))
-        clear = verdict(value - 1 > limit, value - 1 < -limit)
+        clear = verdict_of(value - 1 > limit, value - 1 < -limit)
         return regular, both(regular, clear), value - 1
 
     return judge
@@ -84,7 +84,7 @@ def full_rank(operators, mu, xi):
     margin = jnp.where(size > 0, least / jnp.where(size > 0, size, 1), jnp.inf) - 1
     condition = linalg.singular_value_max(F) ** 2 / jnp.where(least > 0, least, 1)
     limit = CLOSE * float(jnp.finfo(mu.dtype).eps) * (1 + condition)
-    return regular, both(regular, verdict(margin > limit, margin < -limit)), margin
+    return regular, both(regular, verdict_of(margin > limit, margin < -limit)), margin
 
 
 def feasible(operators, mu, xi):
@@ -92,7 +92,7 @@ def feasible(operators, mu, xi):
     miss, rounding = missed(operators)
     known = jnp.int32(Verdict.YES)
     # Whatever is missed within rounding is not told from a border.
-    return known, verdict(miss <= rounding, miss > rounding), 0 - miss
+    return known, verdict_of(miss <= rounding, miss > rounding), 0 - miss
 
 
 def feasible_where(hypothesis: Callable) -> Callable:
@@ -124,7 +124,7 @@ def consistent(operators, mu, xi):
     a = jnp.matmul(jnp.linalg.pinv(N, rtol=rtol).T, c, precision=jax.lax.Precision.HIGHEST)
     miss = linalg.greatest(abs(linalg.gram(N, a) - c))
     limit = CLOSE * float(jnp.finfo(N.dtype).eps) * (linalg.greatest(abs(a)) + linalg.greatest(abs(c)))
-    return jnp.int32(Verdict.YES), verdict(miss <= limit, miss > limit), 0 - miss
+    return jnp.int32(Verdict.YES), verdict_of(miss <= limit, miss > limit), 0 - miss
 
 
 def harmless_signs(operators, mu, xi):
@@ -133,15 +133,10 @@ def harmless_signs(operators, mu, xi):
     Y = operators.A_tu * select(mu * xi, operators.unilateral)[None, :]
     largest = linalg.greatest(Y)
     limit = CLOSE * float(jnp.finfo(mu.dtype).eps) * linalg.greatest(abs(Y))
-    return regular, both(regular, verdict(largest <= limit, largest > limit)), -largest
-
-
-def verdict(yes: Array, no: Array) -> Array:
-    known = jnp.where(yes, int(Verdict.YES), int(Verdict.UNDECIDED))
-    return jnp.where(no, int(Verdict.NO), known).astype(jnp.int32)
+    return regular, both(regular, verdict_of(largest <= limit, largest > limit)), -largest
 
 
 def both(first: Array, second: Array) -> Array:
     """YES if both are, NO if one is NO, else UNDECIDED."""
     no = (first == int(Verdict.NO)) | (second == int(Verdict.NO))
-    return verdict((first == int(Verdict.YES)) & (second == int(Verdict.YES)), no)
+    return verdict_of((first == int(Verdict.YES)) & (second == int(Verdict.YES)), no)

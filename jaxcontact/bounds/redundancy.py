@@ -84,9 +84,8 @@ def missed(operators: Delassus) -> tuple[Array, Array]:
     def worst(chosen):
         a = -_product(_pseudo_inverse(N * chosen[None, :]).T, c * chosen)
         gap = _product(N.T, a) + c
-        return linalg.greatest(jnp.where(both, abs(gap), jnp.maximum(-gap, 0))), linalg.greatest(
-            abs(a)
-        ) + linalg.greatest(abs(c))
+        missed = jnp.where(both, abs(gap), jnp.maximum(-gap, 0))
+        return linalg.greatest(missed), linalg.greatest(abs(a)) + linalg.greatest(abs(c))
 
     misses, sizes = jax.vmap(worst)(jnp.asarray(active, N.dtype))
     best = jnp.argmin(misses)

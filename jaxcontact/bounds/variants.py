@@ -13,7 +13,7 @@ from jax import Array, lax
 
 from .. import linalg
 from ..dynamics import Delassus, without_frictionless_bilateral
-from .coupling import coupling, square_factors
+from .coupling import masked_coupling, square_factors
 from .critical import ratio_array, refuse_many, regular_shape, sign_array, threshold, zero_radius
 from .sign_real import balanced
 from .vertices import MOST_VERTICES, Reduced, reduced
@@ -96,9 +96,8 @@ def critical_along_ray(operators: Delassus, xi: Array, ratio: Array | None = Non
     if not problem.frictional or not regular_shape(problem):
         return threshold(problem, zero_radius(problem))
     xi = sign_array(operators, xi)
-    return threshold(
-        problem, linalg.greatest(_radii(problem, *_table(problem, jnp.stack([xi[i] for i in problem.kept]))))
-    )
+    given = jnp.stack([xi[i] for i in problem.kept])
+    return threshold(problem, linalg.greatest(_radii(problem, *_table(problem, given))))
 
 
 def critical_existence(operators: Delassus, xi: Array, ratio: Array | None = None) -> Array:
@@ -124,7 +123,7 @@ def critical_existence(operators: Delassus, xi: Array, ratio: Array | None = Non
     both = jnp.asarray([i in problem.bilateral for i in range(len(problem.kept))], bool)
 
     def radius(closed, signs):
-        X = _masked_coupling(N, T, closed, signs)
+        X = masked_coupling(N, T, closed, signs)
         values, vectors = jnp.linalg.eig(X)
         size = linalg.greatest(abs(vectors), axis=0)
         place = jnp.argmax(abs(vectors), axis=0)
@@ -247,15 +246,7 @@ def _table(problem: Reduced, xi: Array | None) -> tuple[Array, Array]:
 def _radii(problem: Reduced, closed: Array, signs: Array) -> Array:
     """(v,) the largest positive real eigenvalue at each vertex."""
     N, T = square_factors(problem.N, problem.T)
-    return jax.vmap(lambda c, s: linalg.real_eigenvalue_max(balanced(_masked_coupling(N, T, c, s))))(closed, signs)
-
-
-def _masked_coupling(N: Array, T: Array, closed: Array, signs: Array) -> Array:
-    """(m, m) X S of the closed contacts, zero rows and columns for the open ones."""
-    m = N.shape[1]
-    N = jnp.concatenate([N * closed[None, :], jnp.eye(m, dtype=N.dtype) * (1 - closed)[None, :]])
-    T = jnp.concatenate([T * (signs * closed)[None, :], jnp.zeros((m, T.shape[1]), T.dtype)])
-    return coupling(N, T)
+    return jax.vmap(lambda c, s: linalg.real_eigenvalue_max(balanced(masked_coupling(N, T, c, s))))(closed, signs)
 
 
 def _product(A: Array, B: Array) -> Array:

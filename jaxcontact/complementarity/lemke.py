@@ -18,10 +18,9 @@ from jax import lax
 
 from jaxcontact import linalg
 from jaxcontact.complementarity.method import Answer
-from jaxcontact.complementarity.pivoting import REFINEMENTS, pivot_budget, violation
+from jaxcontact.complementarity.pivoting import check_cap, pivot_budget, refined
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import Scaled, scaled
-from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.status import Status
 
 TIE = {"float64": 1e4, "float32": 8}
@@ -73,8 +72,7 @@ class Lemke:
             if not all(0 < d < float("inf") for d in covering):
                 raise ValueError(f"Lemke: covering must be positive and finite, got {covering}; ones will do")
             object.__setattr__(self, "covering", covering)
-        if self.max_steps is not None and self.max_steps < 1:
-            raise ValueError(f"Lemke: max_steps must be at least 1, got {self.max_steps}; None chooses by size")
+        check_cap(self)
 
     def budget(self, m):
         """Pivots allowed for m contacts."""
@@ -180,36 +178,24 @@ UNROLLED = 8
 
 
 def _refined(M, q, state):
-    """(m,) z >= 0 of the final basis after correction steps with its inverse; the candidate with the least violation.
+    """(m,) z >= 0 of the final basis after correction steps with its inverse. In the columns of basic w_i the inverse
+    is a unit vector: what these equations miss changes no z."""
 
-    Rounding may leave a basic z slightly negative: it is set to zero before the violation is measured, so what is
-    measured is what is returned.
-    """
-    best = jnp.maximum(_unknowns(state.values, state.basis)[0], 0)
-    least = violation(M, q, best)
-    values = state.values
-    for _ in range(REFINEMENTS):
-        z, w = _unknowns(values, state.basis)
-        miss = q + dot(M, z) - w
-        values = values + jnp.sum(state.inverse * miss[None, :], axis=1)
-        z = jnp.maximum(_unknowns(values, state.basis)[0], 0)
-        size = violation(M, q, z)
-        better = size < least
-        best, least = jnp.where(better, z, best), jnp.where(better, size, least)
-    return best
+    def correction(miss):
+        return -_z_of(jnp.sum(state.inverse * miss[None, :], axis=1), state.basis)
+
+    return refined(M, q, _z_of(state.values, state.basis), correction)
 
 
-def _unknowns(values, basis):
-    """(z, w), (m,) each, from basic values and labels."""
+def _z_of(values, basis):
+    """(m,) z from basic values and labels."""
     m = values.shape[0]
     j = jnp.arange(m, dtype=jnp.int32)
-    z = jnp.sum(jnp.where(basis[:, None] == m + j[None, :], values[:, None], 0), axis=0)
-    w = jnp.sum(jnp.where(basis[:, None] == j[None, :], values[:, None], 0), axis=0)
-    return z, w
+    return jnp.sum(jnp.where(basis[:, None] == m + j[None, :], values[:, None], 0), axis=0)
 
 
 def _ray(state, column):
     """(m,) the z-part of the direction in which nothing blocks: entering grows by one, the basis by -column."""
     m = column.shape[0]
     j = jnp.arange(m, dtype=jnp.int32)
-    return jnp.maximum(_unknowns(-column, state.basis)[0] + (state.entering == m + j).astype(column.dtype), 0)
+    return jnp.maximum(_z_of(-column, state.basis) + (state.entering == m + j).astype(column.dtype), 0)

@@ -13,16 +13,21 @@ class Answer(NamedTuple):
     z: jax.Array
     """(m,) proposed solution in the caller's units, without negative entries"""
     outcome: jax.Array
-    """int32 `Status`: SOLVED, or the reason why not"""
+    """int32 `Status`: SOLVED, or the reason why not; NO_SOLUTION if z is the best of all candidates, so that nothing
+    solves the problem unless z does"""
     certificate: jax.Array
     """(m,) y with y <= 0, M'y >= 0, q'y > 0 claimed on a ray; zeros otherwise"""
 
 
 class Method(Protocol):
-    """Configuration of a solver of LCP(M, q), m >= 1. States are pytrees with a boolean scalar `done`."""
+    """Configuration of a solver of LCP(M, q), m >= 1. States are pytrees with a boolean scalar `done`.
+
+    A method that can may have `of_pairs(P, N, q)` as well, for problems without free unknowns as they are (`Direct`),
+    or the attribute `kind = AbsoluteValueEquation`, and then gets these instead of LCPs (`Banach`).
+    """
 
     def budget(self, m: int) -> int:
-        """Most steps allowed for m contacts."""
+        """Most steps allowed for m contacts; 0 if `init` has the answer."""
 
     def init(self, problem: LCP, start: jax.Array | None) -> Any:
         """The first state; `start` (m,) is finite and non-negative, or None."""

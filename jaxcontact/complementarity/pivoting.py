@@ -12,6 +12,13 @@ PIVOTS_OF_A_CUBE = 12
 """The default budget is PIVOTS_PER_ROW m + 2^min(m, PIVOTS_OF_A_CUBE): Murty's and Fathi's cubes need 2^m pivots."""
 
 
+def check_cap(method):
+    """Raise ValueError for a `max_steps` below one."""
+    if method.max_steps is not None and method.max_steps < 1:
+        owner = type(method).__name__
+        raise ValueError(f"{owner}: max_steps must be at least 1, got {method.max_steps}; None chooses by size")
+
+
 def pivot_budget(m):
     """Pivots allowed by default for m contacts."""
     return PIVOTS_PER_ROW * m + 2 ** min(m, PIVOTS_OF_A_CUBE)

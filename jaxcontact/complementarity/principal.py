@@ -13,13 +13,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxcontact.complementarity.method import Answer
-from jaxcontact.complementarity.pivoting import pivot_budget, refined
+from jaxcontact.complementarity.pivoting import check_cap, pivot_budget, refined
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import Scaled, scaled
-from jaxcontact.complementarity.short import dot, first, greatest, largest, largest_of_rows
+from jaxcontact.complementarity.short import diagonal_of, dot, first, greatest, largest, largest_of_rows
 from jaxcontact.complementarity.status import Status
 
 NEGATIVE = {"float64": 64, "float32": 16}
@@ -74,10 +73,7 @@ class PrincipalPivoting:
     max_steps: int | None = None
 
     def __post_init__(self):
-        if self.max_steps is not None and self.max_steps < 1:
-            raise ValueError(
-                f"PrincipalPivoting: max_steps must be at least 1, got {self.max_steps}; None chooses by size"
-            )
+        check_cap(self)
 
     def budget(self, m):
         """Pivots allowed for m contacts."""
@@ -136,8 +132,7 @@ def _choose(state):
     """The state with its next row and its outcome: SOLVED without negative value, INACCURATE without pivot."""
     T, values = state.tableau, state.values
     eps = jnp.finfo(values.dtype).eps
-    diagonal = jnp.sum(jnp.where(np.eye(len(values), dtype=bool), T, 0), axis=1)
-    usable = diagonal > PIVOT[values.dtype.name] * eps * largest_of_rows(T)
+    usable = diagonal_of(T) > PIVOT[values.dtype.name] * eps * largest_of_rows(T)
     wanted = state.wanted & usable
     size_z = largest(jnp.where(state.active, values, 0))
     size = jnp.where(state.active, size_z, jnp.maximum(jnp.maximum(size_z, largest(values)), 1))

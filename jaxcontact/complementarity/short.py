@@ -7,7 +7,6 @@ import numpy as np
 from jax import lax
 
 from jaxcontact import linalg
-from jaxcontact.linalg import fused
 
 SCALARS = 4
 """Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""
@@ -18,7 +17,7 @@ UNROLLED = 4
 
 def entrywise(function, size):
     """`function` as a program on scalars where the arrays are short."""
-    return fused(function) if size <= SCALARS else function
+    return linalg.fused(function) if size <= SCALARS else function
 
 
 def dot(A, x):
@@ -47,9 +46,9 @@ def greatest(x, initial):
 
 def largest_of_rows(A):
     """(n,) max_j |A_ij|; 0 where there is no column."""
-    return (
-        jnp.stack([largest(row) for row in A]) if 0 < len(A) <= SCALARS else linalg.greatest(jnp.abs(A), 1, initial=0)
-    )
+    if 0 < len(A) <= SCALARS:
+        return jnp.stack([largest(row) for row in A])
+    return linalg.greatest(jnp.abs(A), 1, initial=0)
 
 
 def diagonal_of(A):

@@ -90,6 +90,7 @@ def contact_forces(
     Raises (shapes; values in eager calls only, in a trace they become BAD_INPUT):
         ValueError: mu of another shape, negative or not finite; a state off the constraints or not finite; a mass
             matrix that does not determine the acceleration.
+        ValueError, also in a trace: `certified` with no contact or more than `bounds.classes.MOST_INDICES`.
         TypeError: the mechanism lacks a method or one returns a wrong shape; `method` is none.
     """
     if not isinstance(state, State) or not hasattr(mechanism, "contacts"):

@@ -111,12 +111,9 @@ def contradiction(operators: Delassus, found: Sliding) -> Array:
     y = y - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, y))  # what rounding left along N_e
     noise = dependence(sum(N.shape), N.dtype)
     combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
-    proved = jnp.all(combined <= noise * linalg.greatest(size, initial=0))
-    return (
-        found.span.deficient
-        & proved
-        & (jnp.sum(y * y) > noise * jnp.sum(jnp.abs(x) * linalg.greatest(size, initial=0)))
-    )
+    most = linalg.greatest(size, initial=0)
+    proved = jnp.all(combined <= noise * most)
+    return found.span.deficient & proved & (jnp.sum(y * y) > noise * jnp.sum(jnp.abs(x) * most))
 
 
 def _load(span: Span, operators: Delassus, kinds: Sorted) -> Array:
