@@ -15,7 +15,7 @@ from jaxcontact.mechanisms import GuidedRod
 def test_operations_fall_from_scene_to_scene(name):
     counts = [operations(QUANTITIES[name], g, g.state(**chart)) for _, g, chart in SCENES]
     assert counts == sorted(counts, reverse=True), counts
-    assert counts[-1] < 0.75 * counts[0], counts
+    assert counts[-1] < 0.8 * counts[0], counts
     # Friction, then velocity: the last two scenes differ in velocity alone, which only the free acceleration feels.
     assert name == "norm_ratio" or len(set(counts)) == len(counts), counts
 

@@ -20,10 +20,14 @@ import numpy as np
 from jax import lax
 from jax.extend import core
 
+from jaxcontact.linalg.batches import walled
+from jaxcontact.linalg.circular import has_polynomials
 from jaxcontact.linalg.scalar_rules import (
     ELEMENTWISE,
     FOLD,
     KNOWN,
+    PARTS,
+    POLYNOMIALS,
     REDUCTIONS,
     SHIELDED,
     STRUCTURE,
@@ -42,6 +46,9 @@ from jaxcontact.linalg.scalar_rules import (
 ENTRIES_LIMIT = 128
 """Arrays with more entries than this stay whole."""
 
+PAIRED_LIMIT = 4
+"""Up to this many numbers are returned two by two; more would repeat too much of what they have in common."""
+
 LENGTH_LIMIT = 2**13
 """A longer program on scalars takes too long to compile."""
 
@@ -49,7 +56,9 @@ LENGTH_LIMIT = 2**13
 def fused(function: Callable, *, final: bool = False) -> Callable:
     """`function` as a program on scalars: the same values, to rounding, and the same derivatives.
 
-    A program with loops, branches or library routines in it, or one that is too long, is left as it is.
+    A program with loops, branches or library routines in it, or one that is too long, is left as it is. Sine and cosine
+    are those of `circular`. With `final` up to PAIRED_LIMIT numbers are computed two by two, in one loop over a batch
+    for each pair: a value with a derivative costs one loop, not the ten that XLA makes of two results.
 
     Args:
         final: nothing is differentiated any more, so custom rules are opened as well. For the outermost function under
@@ -71,10 +80,35 @@ def fused(function: Callable, *, final: bool = False) -> Callable:
         reader = _Reader(final)
         if not reader.pays(program.jaxpr):
             return function(*arguments)
-        results = reader.run(program.jaxpr, program.consts, leaves)
+        if final and _are_few_numbers(program.out_avals):
+            results = _in_pairs(program, leaves)
+        else:
+            results = reader.run(program.jaxpr, program.consts, leaves)
         return jax.tree.unflatten(returned[-1], [whole(x) for x in results])
 
     return rewritten
+
+
+def _are_few_numbers(results) -> bool:
+    """Whether the results are several real numbers of one precision, not more than are worth a program for each two."""
+    real = {x.dtype for x in results if jnp.issubdtype(x.dtype, jnp.floating)}
+    return len(real) == 1 == len({x.dtype for x in results}) and 1 < sum(x.size for x in results) <= PAIRED_LIMIT
+
+
+def _in_pairs(program, leaves) -> list[Entries]:
+    """The results of a program, two entries at a time, each pair by a program of its own."""
+
+    def pair(first):
+        def computed(leaves, constants):
+            results = _Reader(True).run(program.jaxpr, constants, leaves)
+            flat = [(entry, x.dtype) for x in map(entries_of, results) for entry in x.flat]
+            return as_one([jnp.asarray(*entry) for entry in flat[first : first + 2]])
+
+        return list(from_one(walled(computed)(list(leaves), list(program.consts))))
+
+    flat = [entry for first in range(0, sum(x.size for x in program.out_avals), 2) for entry in pair(first)]
+    ends = np.cumsum([x.size for x in program.out_avals])
+    return [Entries(x.shape, x.dtype, flat[end - x.size : end]) for x, end in zip(program.out_avals, ends)]
 
 
 def as_one(entries: list) -> Any:
@@ -134,6 +168,8 @@ class _Reader:
         if small and name in STRUCTURE:
             parts = [self._entries(x) for x in inputs]
             return [STRUCTURE[name](step.outvars[0].aval, params, *parts)]
+        if small and name in PARTS:
+            return PARTS[name]([v.aval for v in step.outvars], params, self._entries(inputs[0]))
         if small and name in ELEMENTWISE:
             return [self._elementwise(step, [self._entries(x) for x in inputs])]
         if small and name in REDUCTIONS and (step.invars[0].aval.size or name == "reduce_sum"):
@@ -230,6 +266,8 @@ class _Reader:
     def _bind(self, primitive, params: dict | None, operands) -> Any:
         if params is None:
             return {lax.mul_p: lax.mul, lax.add_p: lax.add}[primitive](*operands)
+        if self.final and primitive.name in POLYNOMIALS and has_polynomials(operands[0].dtype):
+            return POLYNOMIALS[primitive.name](jnp.asarray(operands[0]))
         if primitive.name in SHIELDED and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating):
             return screened(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
         return primitive.bind(*operands, **params)

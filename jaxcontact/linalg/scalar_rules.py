@@ -9,6 +9,8 @@ import numpy as np
 from jax import lax
 from jax.extend import core
 
+from jaxcontact.linalg.circular import cosine, has_polynomials, sine
+
 
 class Entries(NamedTuple):
     """A small array as its entries: constants as numpy scalars, the rest as traced scalars."""
@@ -94,18 +96,46 @@ def _iota(aval, params):
     return Entries(aval.shape, aval.dtype, list(np.broadcast_to(along.reshape(shape), aval.shape).reshape(-1)))
 
 
+def _pad(aval, params, x, filling):
+    """Entries among copies of the filling; a negative padding takes some away."""
+    order = places(x)
+    for axis, (low, high, between) in enumerate(params["padding_config"]):
+        lines = np.moveaxis(order, axis, 0)
+        spread = np.full((max(len(lines) + (len(lines) - 1) * between, 0), *lines.shape[1:]), len(x.flat))
+        spread[:: between + 1] = lines
+        around = [(max(low, 0), max(high, 0))] + [(0, 0)] * (spread.ndim - 1)
+        spread = np.pad(spread, around, constant_values=len(x.flat))
+        spread = spread[max(-low, 0) : len(spread) - max(-high, 0)]
+        order = np.moveaxis(spread, 0, axis)
+    return _moved(aval, Entries((), aval.dtype, [*x.flat, filling.flat[0]]), order)
+
+
+def _split(avals, params, x):
+    parts = np.split(places(x), np.cumsum(params["sizes"])[:-1], axis=params["axis"])
+    return [_moved(aval, x, part) for aval, part in zip(avals, parts, strict=True)]
+
+
+def _unstack(avals, params, x):
+    parts = np.moveaxis(places(x), params["axis"], 0)
+    return [_moved(aval, x, part) for aval, part in zip(avals, parts, strict=True)]
+
+
 STRUCTURE = {
     "iota": _iota,
     "slice": _slice,
     "broadcast_in_dim": _broadcast,
     "concatenate": _joined(np.concatenate, "dimension"),
     "stack": _joined(np.stack, "axis"),
+    "pad": _pad,
     "squeeze": lambda aval, params, x: _moved(aval, x, places(x)),
     "expand_dims": lambda aval, params, x: _moved(aval, x, places(x)),
     "reshape": lambda aval, params, x: _moved(aval, x, places(x)),
     "transpose": lambda aval, params, x: _moved(aval, x, places(x).transpose(params["permutation"])),
     "rev": lambda aval, params, x: _moved(aval, x, np.flip(places(x), params["dimensions"])),
 }
+
+PARTS = {"split": _split, "unstack": _unstack}
+"""Those with several results: the rules take the shapes of all."""
 
 ELEMENTWISE = {
     *(
@@ -123,8 +153,35 @@ ELEMENTWISE = {
         "cos",
         "cosh",
     ),
-    *("convert_element_type", "div", "eq", "exp", "ge", "gt", "integer_pow", "is_finite", "le", "log", "lt", "max"),
-    *("min", "mul", "ne", "neg", "not", "or", "pow", "rsqrt", "select_n", "shift_left", "shift_right_arithmetic"),
+    *(
+        "convert_element_type",
+        "div",
+        "eq",
+        "exp",
+        "floor",
+        "ge",
+        "gt",
+        "integer_pow",
+        "is_finite",
+        "le",
+        "log",
+        "lt",
+        "max",
+    ),
+    *(
+        "min",
+        "mul",
+        "ne",
+        "neg",
+        "not",
+        "or",
+        "pow",
+        "round",
+        "rsqrt",
+        "select_n",
+        "shift_left",
+        "shift_right_arithmetic",
+    ),
     *("shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor"),
 }
 
@@ -136,7 +193,7 @@ REDUCTIONS = {
     "reduce_or": lax.or_p,
 }
 
-KNOWN = {*STRUCTURE, *ELEMENTWISE, *REDUCTIONS, "cumsum", "dot_general", "custom_jvp_call"}
+KNOWN = {*STRUCTURE, *PARTS, *ELEMENTWISE, *REDUCTIONS, "cumsum", "dot_general", "custom_jvp_call"}
 
 
 # --- folding
@@ -193,7 +250,7 @@ FOLD = {
 
 # --- what may leave the finite numbers
 
-UNBOUNDED = {"acos", "asin", "log", "pow", "rsqrt", "sqrt", "tan"}
+UNBOUNDED = {"acos", "asin", "log", "pow", "round", "rsqrt", "sqrt", "tan"}
 
 
 def may_be_infinite(name: str, params: dict | None, operands) -> bool:
@@ -232,12 +289,12 @@ def _screened_jvp(primals, tangents):
 
 @jax.custom_jvp
 def _sin(x):
-    return screened(lax.sin(x))
+    return sine(x) if has_polynomials(x.dtype) else screened(lax.sin(x))
 
 
 @jax.custom_jvp
 def _cos(x):
-    return screened(lax.cos(x))
+    return cosine(x) if has_polynomials(x.dtype) else screened(lax.cos(x))
 
 
 @jax.custom_jvp
@@ -265,5 +322,7 @@ def _quotient_jvp(primals, tangents):
     q = _quotient(x, y)
     return q, (dx - q * dy) * _quotient(jnp.ones_like(y), y)
 
+
+POLYNOMIALS = {"sin": sine, "cos": cosine}
 
 SHIELDED = {"sin": _sin, "cos": _cos, "sqrt": _sqrt, "div": _quotient}
