@@ -1,7 +1,7 @@
 """Extreme singular values and vectors of one matrix by the way that fits its size; no derivatives yet.
 
-Up to three columns closed forms; at four unrolled Jacobi rotations for the values, whose program would take too long
-to compile with the vectors; beyond, and for those, the library's decomposition. More rows than are worth unrolling are
+Up to three columns closed forms; at four unrolled rotations for the values, whose program would take too long to
+compile with the vectors; beyond, and for those, the library's decomposition. More rows than are worth unrolling are
 first made triangular by the library. All matrices here have n >= m >= 1.
 """
 
@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxcontact.linalg import closed, jacobi
+from jaxcontact.linalg import closed, rotations
 from jaxcontact.linalg.unrolled import UNROLL_LIMIT, columns, largest, power_of_two_scale
 
 Triple = tuple[jax.Array, jax.Array, jax.Array]
@@ -57,12 +57,12 @@ def _triple(X: jax.Array, name: str, place: int) -> Triple:
 
 
 def _unrolls(X: jax.Array) -> bool:
-    return X.shape[1] <= jacobi.UNROLLED_COLUMNS
+    return X.shape[1] <= rotations.COLUMNS
 
 
 def _method(X: jax.Array):
     """The module whose max_value and min_value treat this number of columns."""
-    return closed if X.shape[1] <= closed.CLOSED_LIMIT else jacobi
+    return closed if X.shape[1] <= closed.CLOSED_LIMIT else rotations
 
 
 def _scaled_columns(X: jax.Array) -> tuple[list[list[jax.Array]], jax.Array]:

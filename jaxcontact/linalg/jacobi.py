@@ -10,18 +10,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg.extrema import greatest
-from jaxcontact.linalg.unrolled import Scalar, inner, largest, power_of_two_scale, shield
-
-Column = list[Scalar]
-
-SWEEPS = 5
-"""Sweeps over all pairs of up to UNROLLED_COLUMNS columns: five bring their cosines to rounding."""
+from jaxcontact.linalg.unrolled import power_of_two_scale, shield
 
 SWEEPS_IN_ROUNDS = 14
-"""The same for any number of columns; enough to 16 columns of condition 1e12, and to 32 of moderate condition."""
-
-UNROLLED_COLUMNS = 4
-"""Largest number of columns whose rotations are written out; compile time grows as m^3 n."""
+"""Sweeps over all pairs of columns; enough to 16 columns of condition 1e12, and to 32 of moderate condition."""
 
 
 @jax.custom_jvp
@@ -46,18 +38,6 @@ def _singular_values_jacobi_jvp(primals, tangents):
     return s, jnp.sum(U * jnp.matmul(dX, V, precision=lax.Precision.HIGHEST), axis=0)
 
 
-def max_value(cols: list[Column]) -> Scalar:
-    """sigma_max of m columns of scalars: the longest column after the rotations."""
-    W = _unrolled(cols, len(cols[0]))
-    return jnp.sqrt(largest([inner(w, w) for w in W]))
-
-
-def min_value(cols: list[Column]) -> Scalar:
-    """sigma_min: the shortest."""
-    W = _unrolled(cols, len(cols[0]))
-    return jnp.sqrt(-largest([-inner(w, w) for w in W]))
-
-
 def _decompose(X: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     """(U, s, V) descending; the columns of U whose value is zero are zero."""
     n, m = X.shape
@@ -77,22 +57,6 @@ def _decompose(X: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
 def _check(X: jax.Array) -> None:
     if X.ndim != 2 or X.shape[0] < X.shape[1]:
         raise ValueError(f"expected one matrix (n, m) with n >= m, got shape {X.shape}; transpose a wide one")
-
-
-def _unrolled(cols: list[Column], n: int) -> list[Column]:
-    """Cyclic sweeps; the first n entries of each column decide the angles, the others are carried along."""
-    cols = list(cols)
-    m = len(cols)
-    if m == 1:
-        return cols
-    for _ in range(SWEEPS):
-        for i in range(m):
-            for j in range(i + 1, m):
-                a, b = cols[i], cols[j]
-                c, s = _rotation(inner(a[:n], a[:n]), inner(a[:n], b[:n]), inner(b[:n], b[:n]))
-                cols[i] = [c * x - s * y for x, y in zip(a, b)]
-                cols[j] = [s * x + c * y for x, y in zip(a, b)]
-    return cols
 
 
 def _rotation(aa: jax.Array, ab: jax.Array, bb: jax.Array) -> tuple[jax.Array, jax.Array]:
