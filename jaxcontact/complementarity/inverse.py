@@ -61,6 +61,15 @@ def analysed_inverse(K):
     return Inverse(columns[:, None] * G * rows[None, :], n - rank, condition)
 
 
+def condition_number(K):
+    """|K| |K^-1| of the balanced K (n, n), for when nothing else is asked: infinite or NaN where K is singular."""
+    if K.shape[0] <= CLOSED:
+        found = analysed_inverse(K)
+        return jnp.where(found.deficiency > 0, jnp.inf, found.condition)
+    B = balanced(K)[0]
+    return _row_sum_norm(B) * _row_sum_norm(jnp.linalg.inv(B))
+
+
 def balanced(K):
     """(B, rows, columns): B_ij = rows_i K_ij columns_j with powers of two, entries below one."""
     rows = power_of_two(-exponent(largest_of_rows(K)), K.dtype)

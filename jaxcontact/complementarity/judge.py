@@ -17,10 +17,20 @@ import jax.numpy as jnp
 
 from jaxcontact.complementarity.boxed import residuals_of_box
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
-from jaxcontact.complementarity.inverse import analysed_inverse
+from jaxcontact.complementarity.inverse import analysed_inverse, condition_number
 from jaxcontact.complementarity.problems import LCP, MLCP, BoxedLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
-from jaxcontact.complementarity.short import counted, diagonal_of, dot, entrywise, largest, largest_of_rows
+from jaxcontact.complementarity.short import (
+    SCALARS,
+    counted,
+    diagonal_of,
+    dot,
+    entrywise,
+    largest,
+    largest_of_rows,
+    seldom,
+    size_dot,
+)
 from jaxcontact.complementarity.status import Status
 from jaxcontact.linalg import two_product, two_sum, walled, where_needed
 
@@ -83,15 +93,17 @@ def judge(problem, claim):
     """
     form = normal_form(problem)
     w = slack(problem, form, claim.free, claim.z, claim.w)
-    eta, rho = walled(entrywise(residuals, len(form.q)))(problem, form, claim.free, claim.z, claim.w)
-    active, degenerate = walled(classify)(problem, form, claim.z, w)
-    tight = walled(analysed_inverse)(mode_matrix(form, (active | degenerate).astype(form.q.dtype)))
+    apart = walled if len(form.q) <= SCALARS else lambda function: function  # long products are apart anyway
+    eta, rho = apart(entrywise(residuals, len(form.q)))(problem, form, claim.free, claim.z, claim.w)
+    active, degenerate = apart(classify)(problem, form, claim.z, w)
+    K = mode_matrix(form, (active | degenerate).astype(form.q.dtype))
+    tight = walled(analysed_inverse)(K)
     condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
     return Verdict(
         free=claim.free,
         z=claim.z,
         w=w,
-        status=_status(problem, form, claim, w, eta, rho, condition),
+        status=_status(problem, form, claim, w, eta, rho, K),
         residual=rho,
         backward_error=eta,
         active=active,
@@ -101,7 +113,7 @@ def judge(problem, claim):
     )
 
 
-def _status(problem, form, claim, w, eta, rho, condition):
+def _status(problem, form, claim, w, eta, rho, K):
     """Truth table, first line that applies:
 
     data not finite, or a proposed point that overflowed                BAD_INPUT
@@ -116,6 +128,8 @@ def _status(problem, form, claim, w, eta, rho, condition):
     claims = claim.outcome == int(Status.SOLVED)
     proposes = claims | (claim.outcome == int(Status.NO_SOLUTION))
     small = eta <= backward_error_bound(form.q.dtype)
+    # not the condition above: a caller who does not look at that one need not pay for it
+    condition = where_needed(small & ~telling(rho), condition_number, jnp.zeros_like(eta), K)
     solved = acceptable(eta, rho, condition, form.q.dtype)
     false = jnp.zeros((), bool)
     proved = where_needed(finite & ~solved, infeasible, false, problem, form, claim.certificate)
@@ -134,9 +148,13 @@ def backward_error_bound(dtype):
 
 def acceptable(eta, rho, condition, dtype):
     """bool: residuals small enough for SOLVED; NaN is not."""
-    eps = jnp.finfo(dtype).eps
-    telling = (rho <= eps**DIGITS_KEPT) | (condition <= CONDITION_BOUND / eps)
-    return (eta <= backward_error_bound(dtype)) & telling
+    moderate = condition <= CONDITION_BOUND / jnp.finfo(dtype).eps
+    return (eta <= backward_error_bound(dtype)) & (telling(rho) | moderate)
+
+
+def telling(rho):
+    """bool: rho is so small that eta says enough, whatever the condition."""
+    return rho <= jnp.finfo(rho.dtype).eps ** DIGITS_KEPT
 
 
 def infeasible(problem, form, y):
@@ -189,11 +207,11 @@ def residuals(problem, form, free, z, w):
     the caller's and the balanced rows."""
     w = slack(problem, form, free, z, w)
     miss = dot(form.F, free) + dot(form.P, z) - dot(form.N, w) + form.q
-    terms = dot(jnp.abs(form.F), jnp.abs(free)) + dot(jnp.abs(form.P), jnp.abs(z)) + jnp.abs(form.q)
+    terms = size_dot(form.F, free) + size_dot(form.P, z) + jnp.abs(form.q)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
         return _residuals_of_slack(problem, form, miss[:k], terms, z, w)
-    terms = terms + dot(jnp.abs(form.N), jnp.abs(w))
+    terms = terms + size_dot(form.N, w)
     scale_z, scale_w = pair_scales(problem, form)
     size = jnp.maximum(largest(z * scale_z), largest(w * scale_w))
     pair = _ratio(largest(jnp.minimum(z * scale_z, w * scale_w)), size)
@@ -206,13 +224,23 @@ def residuals(problem, form, free, z, w):
 def _residuals_of_slack(problem, form, miss, terms, z, w):
     """eta, rho where w is recomputed: equations first, then complementary pairs."""
     k = form.F.shape[1]
-    diagonal, side = diagonal_of(form.P[k:]), largest_of_rows(form.P[k:])
-    t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
+    t = stiffness(form.P[k:])
     rho = _ratio(jnp.maximum(largest(miss), largest(jnp.minimum(t * z, w))), largest(form.q))
     plain = _backward(miss, terms[:k], terms[k:], z, w)
     scale_z, scale_w = pair_scales(problem, form)
     balanced = _backward(miss, terms[:k], scale_w * terms[k:], scale_z * z, scale_w * w)
     return jnp.maximum(plain, balanced), rho
+
+
+def stiffness(M):
+    """(m,) M_ii, or the size of the row where that is not positive, or one."""
+
+    def of_rows(M):
+        diagonal, side = diagonal_of(M), largest_of_rows(M)
+        return jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
+
+    diagonal = diagonal_of(M)
+    return seldom(~jnp.all(diagonal > 0), of_rows, diagonal, M)
 
 
 def _backward(miss, free_terms, terms, z, w):
@@ -240,7 +268,7 @@ def classify(problem, form, z, w):
     size_z, size_w = largest(z * scale_z), largest(w * scale_w)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
-        terms = dot(jnp.abs(form.P[k:]), jnp.abs(z)) + jnp.abs(form.q[k:])
+        terms = size_dot(form.P, z)[k:] + jnp.abs(form.q[k:])
         size_w = largest(terms * scale_w)
     else:
         size_z = size_w = jnp.maximum(size_z, size_w)

@@ -3,9 +3,8 @@
 The tableau always writes the basic variables by the others, basic = T nonbasic + values, with T = M and values = q at
 the start; a principal pivot exchanges w_r and z_r and is one rank-one update. Each T is again a P-matrix, so every
 diagonal entry is a pivot. The row with the most negative value is taken first (Zoutendijk; Bard 1972); that is quick
-but may cycle, so after PATIENCE steps without fewer negative values than ever before, the first negative row is taken
-until there are: that rule alone is finite for every P-matrix (Murty 1974). The combination is Júdice and Pires', Linear
-Complementarity and block pivoting, Comput. Oper. Res. 21 (1994).
+but may cycle, so after QUICK steps per row the first negative row is taken: that rule is finite for every P-matrix,
+from any basis (Murty 1974). Júdice and Pires combine the two in the same way, Comput. Oper. Res. 21 (1994).
 """
 
 import dataclasses
@@ -15,11 +14,20 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.method import Answer
-from jaxcontact.complementarity.pivoting import check_cap, pivot_budget, refined
+from jaxcontact.complementarity.pivoting import (
+    Exchange,
+    check_cap,
+    exchange_of,
+    exchanged,
+    no_exchange,
+    pivot_budget,
+    refined,
+)
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import Scaled, scaled
-from jaxcontact.complementarity.short import diagonal_of, dot, first, greatest, largest, largest_of_rows
+from jaxcontact.complementarity.short import dot, entry, greatest_numbers, least_entry, rows_of
 from jaxcontact.complementarity.status import Status
+from jaxcontact.linalg import walled
 
 NEGATIVE = {"float64": 64, "float32": 16}
 """A value counts as negative below -NEGATIVE eps times the size of its kind, z or w."""
@@ -27,35 +35,47 @@ NEGATIVE = {"float64": 64, "float32": 16}
 PIVOT = {"float64": 64, "float32": 8}
 """A diagonal entry is a pivot above PIVOT eps times the largest entry of its row."""
 
-PATIENCE = 10
-"""Steps granted to the most negative row without a new least count of negative values."""
+QUICK = 8
+"""Steps per row, about sixteen times what is usual, after which the first negative row is taken instead of the most
+negative one."""
 
 
-class Tableau(NamedTuple):
-    """Where the pivoting stands."""
+class Basis(NamedTuple):
+    """Where the pivoting stands, without the matrix."""
 
-    tableau: jax.Array
-    """(m, m) T"""
+    exchange: Exchange
     values: jax.Array
     """(m,) basic values"""
     active: jax.Array
     """(m,) bool: z_i is basic, else w_i"""
-    wanted: jax.Array
-    """(m,) bool: rows of a warm start that are still to become active"""
+    wanted: jax.Array | None
+    """(m,) bool: rows of a warm start that are still to become active; None without one"""
+    barred: jax.Array
+    """(m,) bool: rows found to have no pivot in this tableau"""
+    quick: jax.Array
+    """int32: steps left until the first negative row is taken instead of the most negative one"""
     row: jax.Array
-    """(m,) bool: the row to pivot next, alone; where nothing can be done, the most negative one"""
-    least: jax.Array
-    """int32: fewest negative values met so far"""
-    patience: jax.Array
-    """int32: steps left before the first negative row is taken instead of the most negative one"""
+    """int32: the row to pivot next; where nothing can be done, a negative one"""
     outcome: jax.Array
     """int32 `Status`; MAX_STEPS while the path goes on"""
+
+    @property
+    def done(self):
+        return self.outcome != int(Status.MAX_STEPS)
+
+
+class Tableau(NamedTuple):
+    """State of the method."""
+
+    T: jax.Array
+    """(m, m) the tableau before `basis.exchange`"""
+    basis: Basis
     data: Scaled
     """the problem balanced by powers of two, constant"""
 
     @property
     def done(self):
-        return self.outcome != int(Status.MAX_STEPS)
+        return self.basis.done
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,6 +91,7 @@ class PrincipalPivoting:
     """
 
     max_steps: int | None = None
+    lanes_last = True
 
     def __post_init__(self):
         check_cap(self)
@@ -84,78 +105,89 @@ class PrincipalPivoting:
         data = scaled(problem.M, problem.q)
         m = data.q.shape[0]
         none = jnp.zeros(m, bool)
-        wanted = none if start is None else start > 0
-        fresh = jnp.int32(m + 1), jnp.int32(PATIENCE), jnp.int32(Status.MAX_STEPS)
-        return _choose(Tableau(data.M, data.q, none, wanted, none, *fresh, data))
+        wanted = None if start is None else start > 0
+        fresh = jnp.int32(QUICK * m), jnp.int32(0), jnp.int32(Status.MAX_STEPS)
+        basis = Basis(no_exchange(data.M), data.q, none, wanted, none, *fresh)
+        return Tableau(data.M, _choice(basis, _urgency(basis)), data)
 
     def step(self, problem: LCP, state: Tableau):
-        """One pivot and the choice of the next row."""
-        return _choose(_pivot(state))
+        """One pivot, if the row has one, and the choice of the next row; nothing where the path has ended.
+
+        In three parts behind walls: XLA runs few short operations in a row quicker than many."""
+        T = exchanged(state.T, state.basis.exchange)
+        basis, urgency = walled(_pivoted)(state.basis, *walled(_cross)(T, state.basis.row))
+        return Tableau(T, walled(_choice)(basis, urgency), state.data)
 
     def read(self, problem: LCP, state: Tableau):
         """The answer in the caller's units, corrected with the final inverse; a row without positive entries and with a
         negative value is a certificate that nothing is feasible."""
-        active, data = state.active, state.data
+        basis, data = state.basis, state.data
+        T, active = exchanged(state.T, basis.exchange), basis.active
 
         def correction(w):
-            return jnp.where(active, dot(state.tableau, jnp.where(active, w, 0)), 0)
+            return jnp.where(active, dot(T, jnp.where(active, w, 0)), 0)
 
-        z = refined(data.M, data.q, jnp.where(active, state.values, 0), correction)
-        stuck = state.outcome == int(Status.INACCURATE)
-        proof = jnp.where(stuck, -_multipliers(state), 0)
+        z = refined(data.M, data.q, jnp.where(active, basis.values, 0), correction)
+        stuck = basis.outcome == int(Status.INACCURATE)
+        proof = jnp.where(stuck, -_multipliers(T, basis.row, active), 0)
         # the size of a certificate is free, so only the rows' units are undone
-        return Answer(data.unscale(z), state.outcome, data._replace(size_M=data.size_q).unscale(proof))
+        return Answer(data.unscale(z), basis.outcome, data._replace(size_M=data.size_q).unscale(proof))
 
 
-def _pivot(state):
-    """Exchange z_r and w_r in the chosen row r."""
-    row, T = state.row, state.tableau
-    across, down = row[:, None], row[None, :]
-    pivot_row = jnp.sum(jnp.where(across, T, 0), axis=0)
-    column = jnp.sum(jnp.where(down, T, 0), axis=1)
-    p = jnp.sum(jnp.where(row, pivot_row, 0))
-    p = jnp.where(p == 0, 1, p)  # only where nothing is to be done, and then the result is thrown away
-    pivot_row = pivot_row / p
-    value = jnp.sum(jnp.where(row, state.values, 0)) / p
-    exchanged = T - column[:, None] * pivot_row[None, :]
-    exchanged = jnp.where(down, (column / p)[:, None], exchanged)
-    return state._replace(
-        tableau=jnp.where(across, jnp.where(down, 1 / p, -pivot_row[None, :]), exchanged),
-        values=jnp.where(row, -value, state.values - column * value),
-        active=state.active ^ row,
-        wanted=state.wanted & ~row,
-        patience=state.patience - 1,
+def _cross(T, r):
+    """Row and column r of T (m,), (m,)."""
+    return entry(T, r), entry(T, r, 1)
+
+
+def _pivoted(basis, across, column):
+    """The basis with z_r and w_r exchanged in the chosen row r, or with the row barred if its diagonal entry is no
+    pivot, and the urgency of its rows."""
+    r = basis.row
+    limit = PIVOT[across.dtype.name] * jnp.finfo(across.dtype).eps
+    go = (entry(across, r) > limit * greatest_numbers(jnp.abs(across))[0]) & ~basis.done
+    exchange, values = exchange_of(go, r, r, across, column, basis.values)
+    here = rows_of(column) == r[None]
+    basis = basis._replace(
+        exchange=exchange,
+        values=values,
+        active=basis.active ^ (here & go[None]),
+        wanted=None if basis.wanted is None else basis.wanted & ~here,
+        barred=~go[None] & (basis.barred | here),
+        quick=basis.quick - 1,
     )
+    return basis, _urgency(basis)
 
 
-def _choose(state):
-    """The state with its next row and its outcome: SOLVED without negative value, INACCURATE without pivot."""
-    T, values = state.tableau, state.values
-    eps = jnp.finfo(values.dtype).eps
-    usable = diagonal_of(T) > PIVOT[values.dtype.name] * eps * largest_of_rows(T)
-    wanted = state.wanted & usable
-    size_z = largest(jnp.where(state.active, values, 0))
-    size = jnp.where(state.active, size_z, jnp.maximum(jnp.maximum(size_z, largest(values)), 1))
-    negative = values < -NEGATIVE[values.dtype.name] * eps * size
-    count = jnp.sum(negative).astype(jnp.int32)
-    fewer = count < state.least
-    patience = jnp.where(fewer, PATIENCE, state.patience)
-    can = negative & usable
-    worst = jnp.where(jnp.any(can), can, negative)
-    worst = worst & ((values == -greatest(jnp.where(worst, -values, -jnp.inf), -jnp.inf)) | (patience <= 0))
-    warm = jnp.any(wanted)
-    outcome = jnp.where(count == 0, int(Status.SOLVED), int(Status.INACCURATE))
-    outcome = jnp.where(warm | jnp.any(can), int(Status.MAX_STEPS), outcome)
-    return state._replace(
-        wanted=wanted,
-        row=first(jnp.where(warm, wanted, worst)),
-        least=jnp.where(warm, state.least, jnp.minimum(count, state.least)),
-        patience=jnp.where(warm, PATIENCE, patience),
-        outcome=outcome.astype(jnp.int32),
-    )
+def _urgency(basis):
+    """(m,) below zero where a row may be pivoted, lower where it should be first; zero where a row is negative but
+    barred, one where nothing is to be done."""
+    values = basis.values
+    negative = values < -NEGATIVE[values.dtype.name] * jnp.finfo(values.dtype).eps * _sizes(basis)
+    depth = jnp.where(basis.quick[None] > 0, values, -1)
+    urgency = jnp.where(negative, jnp.where(basis.barred, 0, depth), 1)
+    if basis.wanted is None:
+        return urgency
+    warm = jnp.any(basis.wanted, axis=0)[None]
+    return jnp.where(warm, jnp.where(basis.wanted, -1.0, 1.0), urgency)
 
 
-def _multipliers(state):
+def _choice(basis, urgency):
+    """The basis with its next row and its outcome: SOLVED without negative value, INACCURATE without pivot."""
+    urgent, row = least_entry(urgency)
+    ended = jnp.where(urgent == 0, int(Status.INACCURATE), int(Status.SOLVED))
+    outcome = jnp.where(urgent < 0, int(Status.MAX_STEPS), ended)
+    return basis._replace(row=row, outcome=jnp.where(basis.done, basis.outcome, outcome).astype(jnp.int32))
+
+
+def _sizes(basis):
+    """(m,) the size of the values of its kind, for each row; w are of size one at least, as the load is."""
+    size = jnp.abs(basis.values)
+    size_z, size_w = greatest_numbers(jnp.where(basis.active, size, 0), size)
+    return jnp.where(basis.active, size_z[None], jnp.maximum(size_w, 1)[None])
+
+
+def _multipliers(T, row, active):
     """(m,) y >= 0 with y'M <= 0 and y'q < 0, if the chosen row has no positive entry: the row is y'(w - M z) = y'q."""
-    row = jnp.sum(jnp.where(state.row[:, None], state.tableau, 0), axis=0)
-    return jnp.maximum((state.row & ~state.active).astype(row.dtype) - jnp.where(state.active, row, 0), 0)
+    across = entry(T, row)
+    here = rows_of(across) == row[None]
+    return jnp.maximum((here & ~active).astype(T.dtype) - jnp.where(active, across, 0), 0)

@@ -32,6 +32,13 @@ def dot(A, x):
     return jnp.matmul(A, x, precision=lax.Precision.HIGHEST)
 
 
+def size_dot(A, x):
+    """|A| |x|, the sum of the sizes of the terms of A @ x, without |A| being formed."""
+    if A.size and max(A.shape) <= SCALARS:
+        return dot(jnp.abs(A), jnp.abs(x))
+    return jnp.sum(jnp.abs(A) * jnp.abs(x)[None, :], axis=1)
+
+
 def largest(x):
     """max |x_i| over an array; 0 if it is empty, NaN if one entry is."""
     return greatest(jnp.abs(x), 0)
@@ -52,8 +59,18 @@ def largest_of_rows(A):
 
 
 def diagonal_of(A):
-    """(n,) A_ii, as a sum over a row with one entry left."""
-    return jnp.sum(jnp.where(np.eye(len(A), dtype=bool), A, 0), axis=1)
+    """(n,) A_ii; as a sum over a row with one entry left where that fuses."""
+    if len(A) <= SCALARS:
+        return jnp.sum(jnp.where(np.eye(len(A), dtype=bool), A, 0), axis=1)
+    return jnp.diagonal(A)
+
+
+def seldom(needed, function, otherwise, *arguments):
+    """`function(*arguments)` where the rare `needed` holds, else `otherwise`: skipped by a batch that does not need it,
+    but computed anyway where arrays are so short that a branch costs more."""
+    if all(max(x.shape, default=0) <= SCALARS for x in arguments):
+        return jnp.where(needed, function(*arguments), otherwise)
+    return linalg.where_needed(needed, function, otherwise, *arguments)
 
 
 def counted(times, advance, carry):
@@ -67,4 +84,40 @@ def counted(times, advance, carry):
 
 def first(mask):
     """(n,) bool: the first true entry of a mask, alone."""
-    return mask & (jnp.cumsum(mask.astype(jnp.int32)) == 1)
+    if len(mask) <= SCALARS:
+        return mask & (jnp.cumsum(mask.astype(jnp.int32)) == 1)
+    return mask & (rows_of(mask) == first_index(mask))
+
+
+def entry(A, i, axis=0):
+    """A[i], or A[:, i], for a computed i inside the array; trailing axes of A beyond those of one problem go with i."""
+    at = i.reshape((1,) * (A.ndim - i.ndim) + i.shape)
+    return jnp.take_along_axis(A, at, axis, mode="promise_in_bounds").squeeze(axis)
+
+
+def rows_of(x):
+    """int32 like x: the index along the first axis."""
+    return lax.broadcasted_iota(jnp.int32, x.shape, 0)
+
+
+def first_index(mask):
+    """int32: the first index along the first axis where the mask holds, 0 if nowhere."""
+    return jnp.argmax(mask, axis=0).astype(jnp.int32)
+
+
+def greatest_numbers(*arrays):
+    """Of each array >= 0 the largest entry along the first axis, all in one pass. NaN may be dropped (see
+    `linalg.extrema`): for choices that are checked later."""
+    zeros = [jnp.zeros((), x.dtype) for x in arrays]
+    return lax.reduce(arrays, tuple(zeros), lambda a, b: tuple(map(jnp.maximum, a, b)), (0,))
+
+
+def least_entry(x):
+    """The smallest entry along the first axis and the first index where it stands, int32; no NaN in x."""
+
+    def smaller(a, b):
+        take = (b[0] < a[0]) | ((b[0] == a[0]) & (b[1] < a[1]))
+        return tuple(jnp.where(take, new, old) for new, old in zip(b, a, strict=True))
+
+    last = jnp.array(jnp.inf, x.dtype), jnp.array(len(x), jnp.int32)
+    return lax.reduce((x, rows_of(x)), last, smaller, (0,))

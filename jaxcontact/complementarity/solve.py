@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.custom_batching import custom_vmap
 
 from jaxcontact.complementarity.conversions import horizontal_as_ave
 from jaxcontact.complementarity.derivative import attach, weights
@@ -69,10 +70,22 @@ def _solved(problem, method, start):
 
 
 CHUNK_ENTRIES = 2**14
-"""Numbers in the (lanes, m, m) array of a chunk: 128 kB in float64, so that an iteration stays in the cache."""
+"""Numbers in the (lanes, m, m) array of a chunk: 128 kB in float64, so that an iteration stays in the cache; four times
+as many beyond LANES_LAST contacts, where few lanes would leave short operations to be counted rather than numbers."""
 
 CHUNK_LANES = 2**12
 """Largest number of problems in a chunk."""
+
+LANES_LAST = 32
+"""Up to this many contacts the lanes of a chunk are the last axis of an iteration's arrays, and there are at least as
+many of them, or inner loops would be too short; with more contacts the rows of a matrix are long enough."""
+
+
+def chunk_lanes(m):
+    """How many problems a chunk holds."""
+    if m > LANES_LAST:
+        return max(4 * CHUNK_ENTRIES // m**2, 1)
+    return min(CHUNK_LANES, max(CHUNK_ENTRIES // m**2, LANES_LAST))
 
 
 def _answer(method, m):
@@ -84,7 +97,7 @@ def _answer(method, m):
 
     if m == 0 or method.budget(m) == 0:
         return answer
-    return in_chunks(answer, min(CHUNK_LANES, max(1, CHUNK_ENTRIES // m**2)))
+    return in_chunks(answer, chunk_lanes(m))
 
 
 def _claimed(problem, method, start):
@@ -158,16 +171,46 @@ def iterate(problem, method, start):
     if budget == 0:
         return method.read(problem, method.init(problem, start)), jnp.int32(0)
 
+    state, steps = _run(method, budget, m)(problem, method.init(problem, start))
+    return method.read(problem, state), steps
+
+
+def _run(method, budget, m):
+    """A function from problem and state to the state in which the method ends, and its steps."""
+
     def unfinished(carry):
         state, steps = carry
         return ~state.done & (steps < budget)
 
-    def advance(carry):
-        state, steps = carry
-        return method.step(problem, state), steps + 1
+    def run(problem, state):
+        def advance(carry):
+            state, steps = carry
+            return method.step(problem, state), steps + 1
 
-    state, steps = lax.while_loop(unfinished, advance, (method.init(problem, start), jnp.int32(0)))
-    return method.read(problem, state), steps
+        return lax.while_loop(unfinished, advance, (state, jnp.int32(0)))
+
+    if not getattr(method, "lanes_last", False):
+        return run
+    together = custom_vmap(run)
+
+    @together.def_vmap
+    def _(size, batched, problem, state):
+        """One loop for all lanes; those that are done rest by themselves, so that nothing has to be put back."""
+        state = jax.tree.map(lambda x, b: x if b else jnp.broadcast_to(x, (size, *x.shape)), state, batched[1])
+        last = m <= LANES_LAST
+        there, back = (0, -1) if last else (0, 0)
+        step = partial(method.step, problem) if last else jax.vmap(partial(method.step, problem))
+
+        def advance(carry):
+            state, steps, count = carry
+            return step(state), steps + (~state.done).astype(jnp.int32), count + 1
+
+        start = jax.tree.map(lambda x: jnp.moveaxis(x, there, back), state), jnp.zeros(size, jnp.int32), jnp.int32(0)
+        state, steps, _ = lax.while_loop(lambda c: jnp.any(~c[0].done) & (c[2] < budget), advance, start)
+        state = jax.tree.map(lambda x: jnp.moveaxis(x, back, there), state)
+        return (state, steps), jax.tree.map(lambda _: True, (state, steps))
+
+    return together
 
 
 def _usable(start, m):
