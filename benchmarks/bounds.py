@@ -1,8 +1,9 @@
 """Friction bounds per second: derived terms through the public API against NumPy, Numba and C, checked, then timed.
 
 One angle per configuration, from 0.05 to 1.5. One contact: `GuidedRod`; two: `PainleveKlein`; more: a chain of hinged
-rods with every joint in a rough guide. Ours is `jit(vmap(fused(f, final=True)))`, as `sweep` does it, and where it says
-"plain" `jit(vmap(f))`. All of a size are called in turns, so that they share the machine's moods.
+rods with every joint in a rough guide. Ours is `jit(vmap(fused(f, final=True)), compiler_options=compiler_options())`,
+as `sweep` does it, and where it says "plain" `jit(vmap(f))`. All of a size are called in turns, so that they share the
+machine's moods.
 """
 
 import argparse
@@ -18,7 +19,7 @@ import jaxcontact as jc
 from benchmarks._bounds_peers import available, by_numpy, couplings
 from benchmarks._chain import GuidedChain
 from benchmarks._machine import machine
-from jaxcontact.linalg import fused
+from jaxcontact.linalg import compiler_options, fused
 
 LEAST_ANGLE, GREATEST_ANGLE = 0.05, 1.5
 
@@ -34,7 +35,7 @@ NEAR_A_KINK = 0.01
 ROUNDS, PATIENCE = 7, 12.0
 """Each program is called ROUNDS times, or fewer: a size and dtype get PATIENCE seconds."""
 
-BASE, NUMPY, C = "norm_ratio", "numpy", "C loop"
+BASE, PLAIN, NUMPY, C = "norm_ratio", ", plain", "numpy", "C loop"
 
 NO_LESS = ("operator_norm", "critical")
 """Other quantities than the bound, which it must not exceed."""
@@ -87,7 +88,7 @@ def programs(contacts):
         "operator_norm": of(jc.bounds.operator_norm),
         "critical": of(jc.bounds.critical),
     }
-    plain = {f"{name}, plain": functions[name] for name in (BASE, "norm_ratio, jvp")}
+    plain = {f"{name}{PLAIN}": functions[name] for name in (BASE, "norm_ratio, jvp")}
     return {name: fused(f, final=True) for name, f in functions.items()} | plain
 
 
@@ -96,7 +97,8 @@ def measured(contacts, count, dtype):
     theta = np.random.default_rng(0).uniform(LEAST_ANGLE, GREATEST_ANGLE, count).astype(dtype)
     calls, compilation = {}, {}
     for name, function in programs(contacts).items():
-        calls[name], compilation[name] = compiled(function, theta)
+        options = {} if name.endswith(PLAIN) else compiler_options()
+        calls[name], compilation[name] = compiled(function, theta, options)
     calls |= {name: lambda call=call: call(theta) for name, call in available(contacts, dtype).items()}
     results = {name: jax.tree.map(np.asarray, call()) for name, call in calls.items()}
     refuse_disagreement(contacts, theta, results)
@@ -123,11 +125,11 @@ def measured(contacts, count, dtype):
     ]
 
 
-def compiled(function, theta):
+def compiled(function, theta, options):
     """(call without arguments, seconds of tracing and compiling)"""
     theta = jnp.asarray(theta)
     began = time.perf_counter()
-    program = jax.jit(jax.vmap(function)).lower(theta).compile()
+    program = jax.jit(jax.vmap(function)).lower(theta).compile(options)
     return lambda: jax.block_until_ready(program(theta)), time.perf_counter() - began
 
 

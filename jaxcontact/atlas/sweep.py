@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..linalg import fused
+from ..linalg import compiler_options, fused
 from .grid import Grid, argument_names, read_grid
 from .labels import labelled
 
@@ -127,7 +127,7 @@ def _compiled(at_point: Callable, mechanism: object, axes: dict, grid: Grid, chu
         return jax.vmap(lambda point: fused(at_point, final=True)(mechanism, point))(points)
 
     lowered = jax.jit(of_chunk).lower(mechanism, axes, np.int32(0))  # traced once; tracing is half of the wait
-    program = lowered.compile()
+    program = lowered.compile(compiler_options())
     analysis = program.memory_analysis()  # None where the device does not tell
     needed = analysis.temp_size_in_bytes if analysis else 0
     if needed > MEMORY and chunk > 1:

@@ -1,6 +1,6 @@
 """Small dense linear algebra that batches: factors, solves, singular values."""
 
-from jaxcontact.linalg.batches import in_chunks, walled, where_needed
+from jaxcontact.linalg.batches import compiler_options, in_chunks, walled, where_needed
 from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
 from jaxcontact.linalg.decomposition import decomposition
 from jaxcontact.linalg.extrema import greatest, least
@@ -28,6 +28,7 @@ from jaxcontact.linalg.unrolled import shield
 __all__ = [
     "as_one",
     "cholesky",
+    "compiler_options",
     "decomposition",
     "det",
     "det2",

@@ -10,6 +10,9 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 
+WIDEST_VECTOR = 512
+"""Bits; XLA itself stops at 256."""
+
 
 def in_chunks(function: Callable, lanes: int) -> Callable:
     """`function`, which under vmap runs over at most `lanes` problems at a time.
@@ -46,6 +49,15 @@ def in_chunks(function: Callable, lanes: int) -> Callable:
         return results, jax.tree.map(lambda _: True, results)
 
     return one
+
+
+def compiler_options() -> dict:
+    """What to ask of the compiler for a batch, at the top-level jit: on a CPU the widest vectors, up to twice the speed
+    of a fused loop where the processor has them.
+
+    >>> jax.jit(jax.vmap(jnp.sin), compiler_options=compiler_options())
+    """
+    return {"xla_cpu_prefer_vector_width": WIDEST_VECTOR} if jax.default_backend() == "cpu" else {}
 
 
 def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
