@@ -49,7 +49,7 @@ def couplings(theta, contacts):
     s, c = np.sin(theta), np.cos(theta)
     square, product = 3 * c * c, 3 * s * c
     if contacts == 1:
-        return (1 + square)[:, None, None], product[:, None, None]
+        return (1 + square)[:, None, None], -product[:, None, None]
     W = np.stack([1 + square, 1 - square, 1 - square, 1 + square], axis=-1)
     Wt = np.stack([-product, product, product, -product], axis=-1)
     return W.reshape(-1, 2, 2), Wt.reshape(-1, 2, 2)
