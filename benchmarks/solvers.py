@@ -28,7 +28,7 @@ from jaxcontact.complementarity import (
 )
 
 METHODS = {
-    "direct": (Direct(), 2),
+    "direct": (Direct(), 4),
     "principal pivoting": (PrincipalPivoting(), 64),
     "lemke": (Lemke(), 64),
     "gauss-seidel 10": (ProjectedGaussSeidel(sweeps=10), 64),

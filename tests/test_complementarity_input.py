@@ -126,8 +126,8 @@ def test_budgets_and_tolerances_out_of_range_are_refused(make):
 
 
 def test_too_many_contacts_for_a_method_are_counted_for_the_user():
-    with pytest.raises(ValueError, match="3 contacts, takes at most 2"):
-        solve(LCP(np.eye(3), -np.ones(3)), Direct())
+    with pytest.raises(ValueError, match="5 contacts, takes at most 4"):
+        solve(LCP(np.eye(5), -np.ones(5)), Direct())
     with pytest.raises(ValueError, match=r"2\^11 modes"):
         all_solutions(LCP(np.eye(11), np.zeros(11)))
 

@@ -185,12 +185,27 @@ def test_one_contact_is_right_for_every_sign(method, dtype):
     assert np.isnan(answer.z[none]).all()
 
 
-def test_two_contacts_in_closed_form_agree_with_exact_arithmetic():
-    rng = np.random.default_rng(11)
-    _, M, q = draw(FAMILIES, 2, 15, rng, np.float64)
+@pytest.mark.parametrize("m", [2, 3, 4])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_closed_forms_agree_with_exact_arithmetic(m, dtype):
+    """Solved means solvable and no solution means none; with three or four contacts a singular mode may leave it open,
+    which it never does for a family with unique solutions."""
+    rng = np.random.default_rng(11 + m)
+    names, M, q = draw(FAMILIES, m, 15, rng, dtype)
     answer = jax.vmap(lambda M, q: solve(LCP(M, q), Direct()))(jnp.asarray(M), jnp.asarray(q))
-    verdicts = np.array([oracle.lcp(*data).verdict != "none" for data in zip(M, q)])
-    np.testing.assert_array_equal(np.asarray(answer.status) == Status.SOLVED, verdicts)
+    status = np.asarray(answer.status)
+    solvable = np.array([oracle.lcp(*data).verdict != "none" for data in zip(M, q)])
+    solved = (status == Status.SOLVED) | (status == Status.REDUNDANT)
+    none = (status == Status.NO_SOLUTION) | (status == Status.INFEASIBLE)
+    # mass ratios to 1e8 leave float32 no digit of a minor
+    unique = np.isin(names, [f.__name__ for f in UNIQUE if dtype == np.float64 or f.__name__ != "mass_ratio"])
+    assert not (solved & ~solvable).any()
+    assert not (none & solvable).any()
+    assert (solved | none | (status == Status.INACCURATE) | (status == Status.ILL_CONDITIONED)).all()
+    assert solved[unique].all()
+    assert unique.sum() >= 15
+    if m == 2:
+        assert (solved | none).all()
 
 
 def test_a_batch_equals_its_members_and_a_padded_member():

@@ -1,7 +1,8 @@
-"""One or two contacts in closed form: every vertex of every mode is tried, so that nothing is missed.
+"""Up to four contacts in closed form: every mode is tried, so that nothing is missed.
 
-The solutions in one mode form a polyhedron without lines, hence with a vertex, and each vertex has at most two
-unknowns from two equations. Six candidates cover m = 2: z = 0; z_1 from either row; z_2 from either row; both.
+For one or two contacts also where modes are singular: the solutions in one mode form a polyhedron without lines, hence
+with a vertex, and each vertex has at most two unknowns from two equations. Six candidates cover m = 2: z = 0; z_1 from
+either row; z_2 from either row; both.
 """
 
 import dataclasses
@@ -12,14 +13,18 @@ import jax.numpy as jnp
 
 from jaxcontact.complementarity.gauss_seidel import hopeless_row
 from jaxcontact.complementarity.method import Answer
+from jaxcontact.complementarity.minors import best_mode
 from jaxcontact.complementarity.pairs import Pairs, best_of_pairs
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import scaled
 from jaxcontact.complementarity.status import Status
 from jaxcontact.linalg import as_one, from_one, fused, walled
 
-LARGEST = 2
-"""More contacts have more vertices than a closed form should list."""
+LARGEST = 4
+"""More contacts have more modes than straight code should list."""
+
+EVERY_VERTEX = 2
+"""Up to this many contacts every vertex of a mode is tried, so that dependent equations hide no solution."""
 
 
 class Best(NamedTuple):
@@ -27,19 +32,25 @@ class Best(NamedTuple):
 
     z: jax.Array
     """(m,) in the caller's units"""
+    none: jax.Array | bool
+    """bool: if this candidate is no solution there is none"""
     done: jax.Array
     """bool, always true: nothing is iterated"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Direct:
-    """Closed form for m <= 2.
+    """Closed form for m <= 4.
 
-    Where every candidate fails the status is NO_SOLUTION, or INFEASIBLE if that is proved. Problems without free
-    unknowns are solved as they are, mixed ones as LCPs. Raises ValueError for more contacts.
+    Where every candidate fails the status is NO_SOLUTION, or INFEASIBLE if that is proved; for three or four contacts
+    INACCURATE where a singular or nearly singular mode leaves room for a solution. Problems of one or two pairs without
+    free unknowns are solved as they are, others as LCPs. Raises ValueError for more contacts.
 
     >>> solve(LCP([[-1.0]], [-1.0]), Direct()).status     # NO_SOLUTION or INFEASIBLE: M < 0 and q < 0
     """
+
+    pairs = EVERY_VERTEX
+    """Largest number of pairs for `of_pairs`."""
 
     def budget(self, m):
         """No step is needed."""
@@ -49,7 +60,9 @@ class Direct:
         """All candidates, the best of them."""
         m = problem.q.shape[0]
         _check_size(m)
-        return Best(from_one(walled(fused(_best))(problem.M, problem.q)), jnp.ones((), bool))
+        if m > EVERY_VERTEX:
+            return Best(*best_mode(problem.M, problem.q), jnp.ones((), bool))
+        return Best(from_one(walled(fused(_best))(problem.M, problem.q)), True, jnp.ones((), bool))
 
     def step(self, problem: LCP, state: Best):
         """Nothing to do."""
@@ -57,11 +70,11 @@ class Direct:
 
     def read(self, problem: LCP, state: Best):
         """The best candidate; if it does not solve the problem, none does."""
-        return Answer(state.z, jnp.int32(Status.NO_SOLUTION), hopeless_row(problem))
+        outcome = jnp.where(state.none, int(Status.NO_SOLUTION), int(Status.INACCURATE)).astype(jnp.int32)
+        return Answer(state.z, outcome, hopeless_row(problem))
 
     def of_pairs(self, P, N, q) -> Pairs:
-        """The best candidate of P z - N w + q = 0, without going through an LCP."""
-        _check_size(len(q))
+        """The best candidate of P z - N w + q = 0 for one or two pairs, without going through an LCP."""
         return best_of_pairs(P, N, q)
 
 

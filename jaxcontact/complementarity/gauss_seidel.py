@@ -16,7 +16,7 @@ from jaxcontact.complementarity.forms import normal_form
 from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
-from jaxcontact.complementarity.short import dot
+from jaxcontact.complementarity.short import dot, first_index, rows_of
 from jaxcontact.complementarity.status import Status
 
 STOP_AT = 4
@@ -103,4 +103,4 @@ class ProjectedGaussSeidel:
 def hopeless_row(problem: LCP):
     """(m,) certificate -e_i for the first row with q_i < 0 and no positive entry, as of two immovable bodies; or 0."""
     hopeless = (problem.q < 0) & jnp.all(problem.M <= 0, axis=1)
-    return -(hopeless & (jnp.cumsum(hopeless.astype(jnp.int32)) == 1)).astype(problem.q.dtype)
+    return -(hopeless & (rows_of(hopeless) == first_index(hopeless))).astype(problem.q.dtype)

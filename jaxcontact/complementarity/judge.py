@@ -25,14 +25,13 @@ from jaxcontact.complementarity.short import (
     counted,
     diagonal_of,
     dot,
-    entrywise,
     largest,
     largest_of_rows,
     seldom,
     size_dot,
 )
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import two_product, two_sum, walled, where_needed
+from jaxcontact.linalg import as_one, fused, two_product, two_sum, walled, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
@@ -93,9 +92,8 @@ def judge(problem, claim):
     """
     form = normal_form(problem)
     w = slack(problem, form, claim.free, claim.z, claim.w)
-    apart = walled if len(form.q) <= SCALARS else lambda function: function  # long products are apart anyway
-    eta, rho = apart(entrywise(residuals, len(form.q)))(problem, form, claim.free, claim.z, claim.w)
-    active, degenerate = apart(classify)(problem, form, claim.z, w)
+    eta, rho = _in_one(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
+    active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
     K = mode_matrix(form, (active | degenerate).astype(form.q.dtype))
     tight = walled(analysed_inverse)(K)
     condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
@@ -111,6 +109,30 @@ def judge(problem, claim):
         redundant=~(condition <= CONDITION_BOUND / jnp.finfo(form.q.dtype).eps),
         condition=condition,
     )
+
+
+def _in_one(function, size):
+    """`function`, which returns two numbers or two masks, for short arrays as one kernel with one result: its own loop
+    over a batch, and a vectorised one. Long products are loops of their own anyway."""
+    if size > SCALARS:
+        return function
+
+    def packed(*given):
+        first, second = function(*given)
+        if first.ndim == 0:
+            return as_one([first, second])
+        bits = [1 << i for i in range(2 * len(first))]
+        flags = [*first, *second]
+        return sum((jnp.where(flag, bit, 0) for flag, bit in zip(flags, bits, strict=True)), jnp.int32(0))
+
+    def unpacked(*given):
+        found = walled(fused(packed))(*given)
+        if jnp.issubdtype(found.dtype, jnp.complexfloating):
+            return jnp.real(found), jnp.imag(found)
+        i = jnp.arange(len(given[2]), dtype=jnp.int32)
+        return (found[None] >> i) & 1 == 1, (found[None] >> (i + len(i))) & 1 == 1
+
+    return unpacked
 
 
 def _status(problem, form, claim, w, eta, rho, K):

@@ -22,8 +22,9 @@ class Answer(NamedTuple):
 class Method(Protocol):
     """Configuration of a solver of LCP(M, q), m >= 1. States are pytrees with a boolean scalar `done`.
 
-    A method that can may have `of_pairs(P, N, q)` as well, for problems without free unknowns as they are (`Direct`),
-    or the attribute `kind = AbsoluteValueEquation`, and then gets these instead of LCPs (`Banach`).
+    A method may have more: `of_pairs(P, N, q)` for up to `pairs` complementary pairs without free unknowns, as they are
+    (`Direct`); `kind = AbsoluteValueEquation`, and then it gets these instead of LCPs (`Banach`); `lanes_last = True`
+    if `step` takes states whose arrays all have further axes at the end, and leaves alone what is done (`Lemke`).
     """
 
     def budget(self, m: int) -> int:

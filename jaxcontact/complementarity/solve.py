@@ -108,7 +108,7 @@ def _claimed(problem, method, start):
         answer, steps = iterate(problem, method, start)
         return Claim(problem.q[:0], *answer[:1], *answer), steps
     form = normal_form(problem)
-    if hasattr(method, "of_pairs") and form.F.shape[1] == 0 and len(form.q):
+    if form.F.shape[1] == 0 and 0 < len(form.q) <= getattr(method, "pairs", 0):
         best = method.of_pairs(form.P, form.N, form.q)
         none = jnp.int32(Status.NO_SOLUTION)
         return Claim(form.q[:0], best.z, best.w, none, best.certificate, best.dependent), jnp.int32(0)
