@@ -97,6 +97,7 @@ def once(call, M, q):
 
 def twice(first, again, condition, M, q):
     """float32 first; float64 for the lanes that are not solved, or less well than wanted."""
+    M, q = np.asarray(M), np.asarray(q)
     found = jax.tree.map(lambda part: part.astype(np.float64) if part.dtype == np.float32 else part.copy(), first(M, q))
     fine = (found.status == Status.SOLVED) & (found.backward_error <= DOUBTFUL_ERROR) & (found.condition <= condition)
     doubtful = np.flatnonzero(~fine)
@@ -111,5 +112,6 @@ def twice(first, again, condition, M, q):
 
 def continued(first, warm, M, q):
     """float64 in every lane, from the answer of float32 where that is finite."""
+    M, q = np.asarray(M), np.asarray(q)
     start = first(M, q).z
     return warm(M, q, np.where(np.isfinite(start), start, 0)), len(q)

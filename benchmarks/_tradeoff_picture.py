@@ -3,6 +3,7 @@
 import math
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from jaxcontact.atlas import new_figure
 from jaxcontact.atlas.style import GREY, INK, LINE_COLOURS, add_caption
@@ -64,16 +65,17 @@ def add_family(axes, name: str, rows: list[dict]) -> None:
             chosen = [r for r in rows if r["method"].startswith(method) and r["dtype"] == dtype]
             if chosen:
                 style = {"color": colour, "marker": mark, "ms": 6, "fillstyle": fill, "mec": colour}
-                line = "" if dtype == "mixed" else "-"
+                line = "none" if dtype == "mixed" else "-"
                 axes.plot(
                     [r[COST] for r in chosen],
                     [drawn(r[ERROR]) for r in chosen],
-                    line,
+                    ls=line,
                     lw=0.8,
                     label=f"{method}, {dtype}",
                     **style,
                 )
     axes.set(xscale="log", yscale="log", ylim=(LEAST / 3, GREATEST * 3), title=name)
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("time per problem, in batch (µs)")
     axes.set_ylabel("error, 99th percentile")
     axes.grid(color=GREY, lw=0.4)

@@ -147,13 +147,13 @@ def finite(x):
 
 
 def timed(run):
-    """(result, median seconds); the first run does not count unless it was a long one."""
-    times = []
-    while len(times) <= REPEATS and sum(times) < PATIENCE:
+    """(result, median seconds) after one run that does not count."""
+    result, times = run(), []
+    while len(times) < REPEATS and sum(times) < PATIENCE:
         began = time.perf_counter()
         result = run()
         times.append(time.perf_counter() - began)
-    return result, float(np.median(times[1:] or times))
+    return result, float(np.median(times))
 
 
 HEADS = "  m  dtype    method                                  family                us     failed    w 99%    z 99%"
