@@ -25,7 +25,7 @@ from jaxcontact.complementarity import (
 PIVOTING = "principal pivoting"
 
 METHODS = {
-    "direct": (Direct(), 2),
+    "direct": (Direct(), 4),
     PIVOTING: (PrincipalPivoting(), 64),
     "lemke": (Lemke(), 64),
     **{f"gauss-seidel {n}": (ProjectedGaussSeidel(sweeps=n), 64) for n in (10, 50, 200, 1000)},
