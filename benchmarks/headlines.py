@@ -16,6 +16,9 @@ TWO, FOUR, EIGHT = 2, 4, 8
 
 METHOD = "principal pivoting"
 
+PART = {TWO: 1, FOUR: 16}
+"""The batch of the guides is divided by this: four contacts are slow with NumPy, and with exact thresholds."""
+
 
 def main(argv: list[str]) -> None:
     """Print the three sentences; `--batch`, `--json FILE`."""
@@ -35,7 +38,7 @@ def main(argv: list[str]) -> None:
 
 def measured(batch, problems):
     """The rows of two guides and of the chain as `bounds` writes them, those of the solvers as `solvers` does."""
-    guides, chain = (bounds.measured(m, max(batch // bounds.SHARE[m], 2), "float64") for m in (TWO, FOUR))
+    guides, chain = (bounds.measured(m, max(batch // part, 2), "float64") for m, part in PART.items())
     M, q = solvers.problems(EIGHT, problems, np.float64)
     solves = [solvers.measured(METHOD, solvers.METHODS[METHOD][0], M, q)]
     solves += [solvers.measured_peer(name, loop, M, q) for name, loop in available().items()]
