@@ -16,6 +16,9 @@ BEGIN, END = "<!-- decisions -->", "<!-- end of decisions -->"
 ENOUGH = 0.99
 """A method reaches an accuracy if this share of the lanes does."""
 
+NOISE = 1.1
+"""Times and shares within this factor of the best are as good."""
+
 DIGITS = {goal: f"within_{goal:.0e}" for goal in tradeoff.GOALS}
 
 TIGHTNESS = (0.5, 0.8, 0.95)
@@ -103,14 +106,22 @@ def of_tradeoff(rows: list[dict]) -> str:
 
 
 def fastest(rows: list[dict], key: str) -> str:
-    """The fastest row that reaches an accuracy, or how far the best one gets."""
+    """The fastest row that reaches an accuracy, the plainest of those that are as good as fastest; or how far the best
+    one gets."""
     reaching = [r for r in rows if r[key] >= ENOUGH]
     if reaching:
-        best = min(reaching, key=lambda r: r["us_per_problem"])
+        least = min(r["us_per_problem"] for r in reaching)
+        best = min((r for r in reaching if r["us_per_problem"] <= NOISE * least), key=plainness)
         unsure = ", in `attempt`" if best["failed"] > 1 - ENOUGH else ""
         return f"{code(best['method'])}, {best['dtype']}, {best['us_per_problem']:.2g} µs{unsure}"
-    best = max(rows, key=lambda r: (r[key], -r["us_per_problem"]))
-    return f"none; {best[key]:.0%} by {code(best['method'])}, {best['dtype']}" if best[key] else "none"
+    most = max(r[key] for r in rows)
+    best = min((r for r in rows if NOISE * r[key] >= most), key=plainness)
+    return f"none; {best[key]:.0%} by {code(best['method'])}, {best['dtype']}" if most else "none"
+
+
+def plainness(row: dict) -> tuple:
+    """What one would rather use comes first: one precision, the higher one, the quicker."""
+    return ("float64", "float32", "mixed").index(row["dtype"]), row["us_per_problem"]
 
 
 def enough_of_float32(made: dict) -> str:

@@ -48,6 +48,12 @@ def test_the_fastest_way_that_reaches_the_accuracy_is_named():
     assert "float32 is enough for 1e-06 in no family." in table
 
 
+def test_a_gain_within_the_noise_does_not_buy_a_lower_precision():
+    rows = [problem("direct", *row, (1, 1, 1)) for row in (("mixed", 0.95), ("float32", 0.96), ("float64", 1.0))]
+    assert decisions.fastest(rows, "within_1e-03") == "`Direct()`, float64, 1 µs"
+    assert decisions.fastest(rows[:2], "within_1e-03") == "`Direct()`, float32, 0.96 µs"
+
+
 def test_mixed_precision_stands_beside_float64():
     table = decisions.of_tradeoff(TRADEOFF)
     assert cells(table[table.index("| mixed precision") :], "stacks") == ["25%, 1.50"]
