@@ -204,7 +204,7 @@ def test_closed_forms_agree_with_exact_arithmetic(m, dtype):
     assert (solved | none | (status == Status.INACCURATE) | (status == Status.ILL_CONDITIONED)).all()
     assert solved[unique].all()
     assert unique.sum() >= 15
-    if m == 2:
+    if m == 2 and dtype == np.float64:
         assert (solved | none).all()
 
 

@@ -27,6 +27,11 @@ EVERY_VERTEX = 2
 """Up to this many contacts every vertex of a mode is tried, so that dependent equations hide no solution."""
 
 
+CORRECTIONS = 2
+"""Each correction divides what a solution misses by about 1 / (eps times the condition): two serve a condition of
+1e10 in float64."""
+
+
 class Best(NamedTuple):
     """The candidate with the least violation."""
 
@@ -110,9 +115,12 @@ def _vertices(M, q):
         _quotient(M[0, 1] * q[1] - M[1, 1] * q[0], determinant),
         _quotient(M[1, 0] * q[0] - M[0, 0] * q[1], determinant),
     ]
-    miss = [M[i, 0] * z[0] + M[i, 1] * z[1] + q[i] for i in range(2)]
-    z[0] = z[0] + _quotient(M[0, 1] * miss[1] - M[1, 1] * miss[0], determinant)
-    z[1] = z[1] + _quotient(M[1, 0] * miss[0] - M[0, 0] * miss[1], determinant)
+    for _ in range(CORRECTIONS):
+        miss = [M[i, 0] * z[0] + M[i, 1] * z[1] + q[i] for i in range(2)]
+        z = [
+            z[0] + _quotient(M[0, 1] * miss[1] - M[1, 1] * miss[0], determinant),
+            z[1] + _quotient(M[1, 0] * miss[0] - M[0, 0] * miss[1], determinant),
+        ]
     return [*first, *second, tuple(_held(part) for part in z)]
 
 

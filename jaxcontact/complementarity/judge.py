@@ -40,6 +40,10 @@ DIGITS_KEPT = 0.25
 """SOLVED requires rho <= eps^DIGITS_KEPT, a quarter of the digits, or equations whose condition is known to be
 moderate: rho is about eps times that."""
 
+DIGITS_OF_ABSENCE = 0.5
+"""NO_SOLUTION asks that the best point misses by eta > eps^DIGITS_OF_ABSENCE, half of the digits: less may be the
+rounding of an ill-conditioned mode."""
+
 DEGENERACY_BOUND = 64
 """z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
 
@@ -142,6 +146,7 @@ def _status(problem, form, claim, w, eta, rho, K):
     eta small, and rho small or the equations well conditioned          SOLVED (REDUNDANT if dependent)
     the method gave a certificate and it holds                          INFEASIBLE
     eta small, and the method proposed the point as solution or best    ILL_CONDITIONED
+    the best of all points is nearly a solution                         INACCURATE
     the method gave a reason                                            that reason
     otherwise                                                           INACCURATE
     """
@@ -157,7 +162,8 @@ def _status(problem, form, claim, w, eta, rho, K):
     proved = where_needed(finite & ~solved, infeasible, false, problem, form, claim.certificate)
     shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
     good = jnp.where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
-    reason = jnp.where(claims | (proposes & small), shaky, claim.outcome)
+    close = eta <= jnp.finfo(form.q.dtype).eps ** DIGITS_OF_ABSENCE
+    reason = jnp.where(claims | (proposes & close), shaky, claim.outcome)
     failed = jnp.where(proved, int(Status.INFEASIBLE), reason)
     status = jnp.where(solved, good, failed)
     return jnp.where(finite & (whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
