@@ -87,6 +87,14 @@ _, picture = figures.conservativeness_links()
 picture
 
 # %% [markdown]
+# ## What tightness costs
+#
+# Between the bound and the exact threshold there is a ladder of bounds. On random systems the median share of the exact value and
+# the time of one configuration in a batch are these; `python -m benchmarks ladder` measures them on your machine.
+#
+# ![each rung of the ladder: time per configuration against the share of the exact threshold](../docs/ladder.png)
+
+# %% [markdown]
 # ## Two coefficients of friction
 #
 # The guides need not be equally rough. The tutorial's bound is one number, a square in the plane of the two coefficients. Taken

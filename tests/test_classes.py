@@ -83,7 +83,7 @@ def test_column_w_holds_below_the_critical_friction_and_not_above():
         assert np.linalg.det(n.T @ n - (1 + 1e-9) * r * n.T @ t * np.asarray(found.signs)) < 0
 
 
-@pytest.mark.parametrize("kinds", ["uuu", "bu", "bUB"])
+@pytest.mark.parametrize("kinds", [pytest.param("uuu", marks=pytest.mark.slow), "bu", "bUB"])
 def test_uniqueness_of_a_sliding_problem_changes_at_the_critical_friction(kinds):
     N, T = random_factors(kinds, 4, seed=3)
     judge = jax.jit(lambda N, T, mu: uniqueness(operators_of(N, T, kinds), mu))

@@ -186,7 +186,7 @@ def test_one_contact_is_right_for_every_sign(method, dtype):
 
 
 @pytest.mark.parametrize("m", [2, 3, 4])
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 def test_closed_forms_agree_with_exact_arithmetic(m, dtype):
     """Solved means solvable and no solution means none; with three or four contacts a singular mode may leave it open,
     which it never does for a family with unique solutions."""

@@ -71,7 +71,7 @@ def test_below_the_existence_threshold_every_sampled_load_has_a_solution():
                 assert solutions_of(n.T @ n, n.T @ t, w, 0.99 * r * xi, kinds)
 
 
-@pytest.mark.parametrize("kinds", ["bb", "bu", "uu", "bbu"])
+@pytest.mark.parametrize("kinds", ["bb", "bu", "uu", pytest.param("bbu", marks=pytest.mark.slow)])
 def test_the_number_of_solutions_of_one_load_changes_at_its_threshold(kinds):
     m = len(kinds)
     N, T = random_factors(kinds, 12, seed=4)
@@ -122,7 +122,9 @@ def test_kinks_are_flagged_where_two_vertices_bind_together():
     assert found.value < found.runner_up
 
 
-@pytest.mark.parametrize("kinds", ["bbb", "uuu", "bUu"])
+@pytest.mark.parametrize(
+    "kinds", [pytest.param("bbb", marks=pytest.mark.slow), pytest.param("uuu", marks=pytest.mark.slow), "bUu"]
+)
 def test_brackets_enclose_forty_digits_and_name_a_true_witness(kinds):
     N, T = dyadic_factors(kinds, 8, seed=7)
     found = jax.jit(jax.vmap(lambda N, T: critical_bracket(operators_of(N, T, kinds))))(N, T)

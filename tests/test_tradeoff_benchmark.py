@@ -105,6 +105,7 @@ def test_a_perfect_answer_has_no_error_and_a_missing_one_an_infinite_one(made):
         assert (error[2:] == 0).all()
 
 
+@pytest.mark.slow
 def test_every_row_counts_every_lane(measured):
     rows = measured["rows"]
     assert {r["dtype"] for r in rows} == {"float64", "float32", "mixed"}
@@ -116,6 +117,7 @@ def test_every_row_counts_every_lane(measured):
     assert all(r["failed"] == 0 and r["within_1e-03"] == 1 for r in easy)
 
 
+@pytest.mark.slow
 def test_mixed_precision_solves_again_what_float32_could_not(measured):
     def pick(family, dtype, ending=""):
         name = _tradeoff_methods.PIVOTING + ending
@@ -137,6 +139,7 @@ def test_the_front_is_what_nothing_beats():
     assert drawn(None) == GREATEST
 
 
+@pytest.mark.slow
 def test_written_measurements_can_be_joined_and_drawn(measured, tmp_path):
     first, second = tmp_path / "first.json", tmp_path / "second.json"
     first.write_text(json.dumps(measured, allow_nan=False))
