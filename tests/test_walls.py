@@ -9,7 +9,8 @@ PACKAGE = Path(__file__).parent.parent / "jaxcontact"
 
 MAY_IMPORT = {
     "linalg": set(),
-    "complementarity": {"linalg"},
+    "native": set(),
+    "complementarity": {"linalg", "native"},
     "dynamics": {"linalg"},
     "contact": {"linalg", "dynamics", "complementarity", "bounds"},
     "bounds": {"linalg", "dynamics"},

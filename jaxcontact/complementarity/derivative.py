@@ -79,12 +79,13 @@ def _(problem: BoxedLCP, unknown):
     return attach(problem, x, *lax.stop_gradient(pairs_of_box(problem, x)))[0]
 
 
-def attach(problem, free, z, w, weight=None):
+def attach(problem, free, z, w, weight=None, finite=None):
     """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite.
 
-    weight: (m,) d where it is known already."""
+    weight: (m,) d, and finite: bool, whether all numbers are finite, where they are known already."""
     form = normal_form(problem)
-    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in (*form, free, z, w)]).all()
+    if finite is None:
+        finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in (*form, free, z, w)]).all()
     harmless = _harmless(form)
     form = jax.tree.map(lambda part, safe: jnp.where(finite, part, safe), form, harmless)
     inner = [jnp.where(finite, part, 0) for part in (free, z, w)]

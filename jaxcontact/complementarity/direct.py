@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxcontact import native
 from jaxcontact.complementarity.gauss_seidel import hopeless_row
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.minors import best_mode
@@ -60,6 +61,11 @@ class Direct:
     def budget(self, m):
         """No step is needed."""
         return 0
+
+    def compiled(self, problem: LCP, start):
+        """The same candidates by a compiled kernel."""
+        _check_size(problem.q.shape[0])
+        return native.direct(problem.M, problem.q)
 
     def init(self, problem: LCP, start):
         """All candidates, the best of them."""

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxcontact import native
 from jaxcontact.complementarity.boxed import residuals_of_box
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import analysed_inverse, condition_number
@@ -31,7 +32,7 @@ from jaxcontact.complementarity.short import (
     size_dot,
 )
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import as_one, fused, two_product, two_sum, walled, where_needed
+from jaxcontact.linalg import as_one, fused, in_chunks, two_product, two_sum, walled, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
@@ -54,6 +55,10 @@ CONDITION_BOUND = 1 / 64
 """A condition number above CONDITION_BOUND / eps makes the active equations dependent up to rounding."""
 
 
+PROOF_LANES = 64
+"""Certificates of a batch are checked by so many at a time: failures are rare, and the products of a check are long."""
+
+
 class Claim(NamedTuple):
     """What a method proposes for the normal form, and how it says it ended."""
 
@@ -70,6 +75,8 @@ class Claim(NamedTuple):
     """(k + m,) a row combination y said to prove that no feasible point exists; zeros if there is none."""
     dependent: jax.Array | bool = False
     """bool: no mode of the problem is regular, so that only part of a solution is determined"""
+    measured: native.Findings | None = None
+    """what the judge's kernel found of the point, where it has already looked"""
 
 
 class Verdict(NamedTuple):
@@ -88,31 +95,63 @@ class Verdict(NamedTuple):
     condition: jax.Array
 
 
-def judge(problem, claim):
-    """The `Verdict` on a `Claim`, from the problem's own data.
+class Findings(NamedTuple):
+    """What was measured, from the caller's data."""
+
+    w: jax.Array
+    eta: jax.Array
+    rho: jax.Array
+    active: jax.Array
+    degenerate: jax.Array
+    finite: jax.Array
+    """bool: the data are finite"""
+    whole: jax.Array
+    """bool: the point is"""
+
+
+def judge(problem, claim, kernels=False):
+    """The `Verdict` on a `Claim`, from the problem's own data; kernels: measured by those of `native`, if an LCP.
 
     >>> one = jnp.ones(1)
     >>> judge(LCP(jnp.eye(1), -one), Claim(one[:0], one, one, jnp.int32(0), 0 * one)).status
     """
     form = normal_form(problem)
-    w = slack(problem, form, claim.free, claim.z, claim.w)
-    eta, rho = _in_one(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
-    active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
-    K = mode_matrix(form, (active | degenerate).astype(form.q.dtype))
-    tight = walled(analysed_inverse)(K)
-    condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
+    kernels = kernels and isinstance(problem, LCP)
+    found = _measured_by_kernel(problem, claim) if kernels else _measured(problem, form, claim)
+    held = found.active | found.degenerate
+    if kernels:
+        condition = native.condition(problem.M, held)
+    else:
+        tight = walled(analysed_inverse)(mode_matrix(form, held.astype(form.q.dtype)))
+        condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
     return Verdict(
         free=claim.free,
         z=claim.z,
-        w=w,
-        status=_status(problem, form, claim, w, eta, rho, K),
-        residual=rho,
-        backward_error=eta,
-        active=active,
-        degenerate=degenerate,
+        w=found.w,
+        status=_status(problem, form, claim, found, kernels),
+        residual=found.rho,
+        backward_error=found.eta,
+        active=found.active,
+        degenerate=found.degenerate,
         redundant=~(condition <= CONDITION_BOUND / jnp.finfo(form.q.dtype).eps),
         condition=condition,
     )
+
+
+def _measured(problem, form, claim):
+    """`Findings` of a claim."""
+    w = slack(problem, form, claim.free, claim.z, claim.w)
+    eta, rho = _in_one(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
+    active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
+    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
+    whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
+    return Findings(w, eta, rho, active, degenerate, finite, whole)
+
+
+def _measured_by_kernel(problem, claim):
+    """The same of an LCP by a compiled kernel."""
+    *found, flags = claim.measured or native.findings(problem.M, problem.q, claim.z)
+    return Findings(*found, flags & native.DATA_FINITE != 0, flags & native.POINT_FINITE != 0)
 
 
 def _in_one(function, size):
@@ -139,7 +178,7 @@ def _in_one(function, size):
     return unpacked
 
 
-def _status(problem, form, claim, w, eta, rho, K):
+def _status(problem, form, claim, found, kernels):
     """Truth table, first line that applies:
 
     data not finite, or a proposed point that overflowed                BAD_INPUT
@@ -150,23 +189,35 @@ def _status(problem, form, claim, w, eta, rho, K):
     the method gave a reason                                            that reason
     otherwise                                                           INACCURATE
     """
-    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
-    whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
+    eta, rho = found.eta, found.rho
     claims = claim.outcome == int(Status.SOLVED)
     proposes = claims | (claim.outcome == int(Status.NO_SOLUTION))
     small = eta <= backward_error_bound(form.q.dtype)
     # not the condition above: a caller who does not look at that one need not pay for it
-    condition = where_needed(small & ~telling(rho), condition_number, jnp.zeros_like(eta), K)
+    condition = where_needed(small & ~telling(rho), _condition_of(kernels), jnp.zeros_like(eta), form, found)
     solved = acceptable(eta, rho, condition, form.q.dtype)
     false = jnp.zeros((), bool)
-    proved = where_needed(finite & ~solved, infeasible, false, problem, form, claim.certificate)
+    doubtful = found.finite & ~solved
+    proved = where_needed(doubtful, _infeasible_somewhere, false, doubtful, problem, claim.certificate)
     shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
     good = jnp.where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
     close = eta <= jnp.finfo(form.q.dtype).eps ** DIGITS_OF_ABSENCE
     reason = jnp.where(claims | (proposes & close), shaky, claim.outcome)
     failed = jnp.where(proved, int(Status.INFEASIBLE), reason)
     status = jnp.where(solved, good, failed)
-    return jnp.where(finite & (whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
+    return jnp.where(found.finite & (found.whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
+
+
+def _condition_of(kernels):
+    """The condition number of the mode of what was found, as a function of normal form and findings."""
+
+    def condition(form, found):
+        held = found.active | found.degenerate
+        if kernels:
+            return native.condition(form.P, held)
+        return condition_number(mode_matrix(form, held.astype(form.q.dtype)))
+
+    return condition
 
 
 def backward_error_bound(dtype):
@@ -207,6 +258,15 @@ def infeasible(problem, form, y):
     load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
     allowed = CERTIFICATE_BOUND * rounding * load / _above_zero(largest(form.q))
     return (load > 0) & (free <= allowed) & (signs <= allowed)
+
+
+def _infeasible_somewhere(asked, problem, y):
+    """`infeasible`, chunk by chunk in a batch, and only in chunks with a lane that asks."""
+
+    def alone(asked, problem, y):
+        return where_needed(asked, infeasible, jnp.zeros((), bool), problem, normal_form(problem), y)
+
+    return in_chunks(alone, PROOF_LANES)(asked, problem, y)
 
 
 def accurate_product(y, A):

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact import native
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.pivoting import (
     Exchange,
@@ -98,6 +99,12 @@ class Lemke:
     def budget(self, m):
         """Pivots allowed for m contacts."""
         return self.max_steps or pivot_budget(m)
+
+    def compiled(self, problem: LCP, start):
+        """The same pivots by a compiled kernel; `start` is not used."""
+        q = problem.q
+        covering = q[:0] if self.covering is None else self._covering(q)
+        return native.lemke(problem.M, q, covering, self.budget(q.shape[0]))
 
     def init(self, problem: LCP, start):
         """The basis after the first pivot, in which z0 has replaced the most violated row; `start` is not used."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxcontact import native
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.pivoting import (
     Exchange,
@@ -99,6 +100,11 @@ class PrincipalPivoting:
     def budget(self, m):
         """Pivots allowed for m contacts."""
         return self.max_steps or pivot_budget(m)
+
+    def compiled(self, problem: LCP, start):
+        """The same pivots by a compiled kernel."""
+        wanted = (problem.q[:0] if start is None else start) > 0
+        return native.principal(problem.M, problem.q, wanted, self.budget(problem.q.shape[0]))
 
     def init(self, problem: LCP, start):
         """The basis of all w, and the first row."""

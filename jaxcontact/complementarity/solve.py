@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 
+from jaxcontact import native
 from jaxcontact.complementarity.conversions import horizontal_as_ave
 from jaxcontact.complementarity.derivative import attach, weights
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
@@ -41,17 +42,18 @@ def solve(problem, method, start=None):
     >>> solve(LCP([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0]), Lemke()).z     # (4/3, 7/3)
     """
     _check_door(problem, method, start)
-    return _solved(problem, method, start)
+    return _solved(problem, method, start, native.serve(jax.tree.leaves(problem)[0].dtype))
 
 
-@partial(jax.jit, static_argnames=("method",))
-def _solved(problem, method, start):
+@partial(jax.jit, static_argnames=("method", "kernels"))
+def _solved(problem, method, start, kernels):
     fixed = lax.stop_gradient(problem)
     start, start_used = _usable(lax.stop_gradient(start), sizes(problem)[1])
-    verdict, steps = _answer(method, sizes(problem)[1])(fixed, start)
+    verdict, steps = _answer(problem, method, kernels)(fixed, start)
     answered = (verdict.status == int(Status.SOLVED)) | (verdict.status == int(Status.REDUNDANT))
     point = [jnp.where(answered, part, jnp.nan) for part in (verdict.free, verdict.z, verdict.w)]
-    free, z, w = attach(problem, *point, weights(verdict.active, verdict.degenerate, verdict.z.dtype))
+    weight = weights(verdict.active, verdict.degenerate, verdict.z.dtype)
+    free, z, w = attach(problem, *point, weight, finite=answered)
     return Solution(
         z=z,
         w=w,
@@ -88,22 +90,28 @@ def chunk_lanes(m):
     return min(CHUNK_LANES, max(CHUNK_ENTRIES // m**2, LANES_LAST))
 
 
-def _answer(method, m):
-    """A function from problem and start to verdict and steps; methods that iterate run chunk by chunk in a batch."""
+def _answer(problem, method, kernels):
+    """A function from problem and start to verdict and steps; methods that iterate in JAX run chunk by chunk in a
+    batch. kernels: whether those of `native` are at hand."""
+    m = sizes(problem)[1]
+    kernels = kernels and m > 0
 
     def answer(problem, start):
-        claim, steps = _claimed(problem, method, start)
-        return judge(problem, claim), steps
+        claim, steps = _claimed(problem, method, start, kernels and hasattr(method, "compiled"))
+        return judge(problem, claim, kernels), steps
 
-    if m == 0 or method.budget(m) == 0:
+    if m == 0 or method.budget(m) == 0 or (kernels and isinstance(problem, LCP) and hasattr(method, "compiled")):
         return answer
     return in_chunks(answer, chunk_lanes(m))
 
 
-def _claimed(problem, method, start):
+def _claimed(problem, method, start, kernels):
     """The method's `Claim` on the normal form of the problem, and its steps."""
     if _sees_ave(method):
         return _claimed_as_ave(problem, method, start)
+    if isinstance(problem, LCP) and kernels:
+        z, certificate, outcome, steps, found = method.compiled(problem, start)
+        return Claim(problem.q[:0], z, z, outcome, certificate, measured=found), steps
     if isinstance(problem, LCP):
         answer, steps = iterate(problem, method, start)
         return Claim(problem.q[:0], *answer[:1], *answer), steps
@@ -114,7 +122,7 @@ def _claimed(problem, method, start):
         return Claim(form.q[:0], best.z, best.w, none, best.certificate, best.dependent), jnp.int32(0)
     reduction = walled(reduce_to_lcp)(form)
     inner = None if start is None else jnp.where(reduction.eliminated, 0, start)
-    answer, steps = iterate(reduction.lcp, method, inner)
+    answer, steps = iterate(reduction.lcp, method, inner, kernels)
     point = walled(_polished)(problem, form, reduction.back(answer.z))
     certificate = dot(answer.certificate, reduction.transform)
     silent = reduction.dependent & jnp.all(answer.certificate == 0)
@@ -161,12 +169,15 @@ def _least_norm(F, free, dependent):
     return jnp.where(dependent, dot(jnp.linalg.pinv(sane, rtol=rank_tolerance), dot(F, free)), free)
 
 
-def iterate(problem, method, start):
+def iterate(problem, method, start, kernels=False):
     """Run the method's steps on a problem of its kind until it is done or its budget is spent: (answer, steps)."""
     q = problem.w if isinstance(problem, AbsoluteValueEquation) else problem.q
     m = q.shape[0]
     if m == 0:
         return Answer(q, jnp.int32(Status.SOLVED), q), jnp.int32(0)
+    if kernels:
+        z, certificate, outcome, steps, _ = method.compiled(problem, start)
+        return Answer(z, outcome, certificate), steps
     budget = method.budget(m)
     if budget == 0:
         return method.read(problem, method.init(problem, start)), jnp.int32(0)

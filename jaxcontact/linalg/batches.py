@@ -133,16 +133,23 @@ def _spread(size, batched, arguments):
 
 
 def _chunk_by_chunk(function, lanes, arguments):
+    """Where the size is no multiple of `lanes` the last chunk begins earlier and does some lanes again: nothing is
+    copied to fill it."""
     size = len(jax.tree.leaves(arguments)[0])
     if size <= lanes:
         return function(*arguments)
-    count = -(-size // lanes)
-    missing = count * lanes - size
 
-    def cut(x):
-        """The last lane fills the last chunk: it cannot take longer than it does anyway."""
-        full = jnp.concatenate([x, jnp.broadcast_to(x[-1:], (missing, *x.shape[1:]))])
-        return full.reshape(count, lanes, *x.shape[1:])
+    def chunk(start):
+        return function(*jax.tree.map(lambda x: lax.dynamic_slice_in_dim(x, start, lanes), arguments))
 
-    results = lax.map(lambda chunk: function(*chunk), jax.tree.map(cut, arguments))
-    return jax.tree.map(lambda x: x.reshape(count * lanes, *x.shape[2:])[:size], results)
+    def advance(k, results):
+        start = jnp.minimum(k * lanes, size - lanes)
+
+        def put(whole, part):
+            return lax.dynamic_update_slice_in_dim(whole, part, start, 0)
+
+        return jax.tree.map(put, results, chunk(start))
+
+    shapes = jax.eval_shape(chunk, jnp.int32(0))
+    empty = jax.tree.map(lambda x: jnp.zeros((size, *x.shape[1:]), x.dtype), shapes)
+    return lax.fori_loop(0, -(-size // lanes), advance, empty)

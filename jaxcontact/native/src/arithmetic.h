@@ -1,0 +1,229 @@
+// Exponents, powers of two and groups of lanes: what every kernel counts with.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+namespace jaxcontact {
+
+template <class Real>
+struct Format;
+
+template <>
+struct Format<double> {
+  using Word = int64_t;
+  typedef double Lanes __attribute__((vector_size(64)));
+  typedef int64_t Masks __attribute__((vector_size(64)));
+  static constexpr int fraction = 52, bias = 1023, width = 8;
+};
+
+template <>
+struct Format<float> {
+  using Word = int32_t;
+  typedef float Lanes __attribute__((vector_size(64)));
+  typedef int32_t Masks __attribute__((vector_size(64)));
+  static constexpr int fraction = 23, bias = 127, width = 16;
+};
+
+template <class Real>
+constexpr Real eps = std::numeric_limits<Real>::epsilon();
+
+template <class Real>
+constexpr Real infinity = std::numeric_limits<Real>::infinity();
+
+template <class Real>
+constexpr Real not_a_number = std::numeric_limits<Real>::quiet_NaN();
+
+template <class Real>
+inline typename Format<Real>::Word bits_of(Real x) {
+  typename Format<Real>::Word word;
+  std::memcpy(&word, &x, sizeof word);
+  return word;
+}
+
+template <class Real>
+inline bool is_finite(Real x) {
+  return x - x == 0;
+}
+
+template <class Real>
+inline Real size_of(Real x) {
+  return x < 0 ? -x : x;
+}
+
+template <class Real>
+inline Real larger(Real a, Real b) {
+  return a > b ? a : b;
+}
+
+template <class Real>
+using Lanes = typename Format<Real>::Lanes;
+template <class Real>
+using Masks = typename Format<Real>::Masks;
+
+template <class Real>
+inline Lanes<Real> all(Real x) {
+  return x - Lanes<Real>{};
+}
+
+template <class V>
+inline V size_of_lanes(V x) {
+  return x < 0 ? -x : x;
+}
+
+template <class V>
+inline V larger_lanes(V a, V b) {
+  return a > b ? a : b;
+}
+
+template <class V>
+inline V smaller_lanes(V a, V b) {
+  return a < b ? a : b;
+}
+
+template <class Real>
+inline Lanes<Real> lanes_at(const Real* x) {
+  Lanes<Real> found;
+  std::memcpy(&found, x, sizeof found);
+  return found;
+}
+
+template <class Real>
+inline void put(Lanes<Real> lanes, Real* x) {
+  std::memcpy(x, &lanes, sizeof lanes);
+}
+
+// Lanes rotated by half, a quarter, ... of a group: what a sum or an extremum over its lanes takes.
+template <class V>
+inline V rotated(V x, int by) {
+  if constexpr (sizeof(x) / sizeof(x[0]) == 8) {
+    if (by == 4) return __builtin_shufflevector(x, x, 4, 5, 6, 7, 0, 1, 2, 3);
+    if (by == 2) return __builtin_shufflevector(x, x, 2, 3, 4, 5, 6, 7, 0, 1);
+    return __builtin_shufflevector(x, x, 1, 2, 3, 4, 5, 6, 7, 0);
+  } else {
+    if (by == 8) return __builtin_shufflevector(x, x, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7);
+    if (by == 4) return __builtin_shufflevector(x, x, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3);
+    if (by == 2) return __builtin_shufflevector(x, x, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1);
+    return __builtin_shufflevector(x, x, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0);
+  }
+}
+
+// Of two groups in a row: every other lane, and the reverse of that.
+template <class V>
+inline V evens(V a, V b) {
+  if constexpr (sizeof(a) / sizeof(a[0]) == 8)
+    return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14);
+  else
+    return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+}
+
+template <class V>
+inline V odds(V a, V b) {
+  if constexpr (sizeof(a) / sizeof(a[0]) == 8)
+    return __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15);
+  else
+    return __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+}
+
+template <class V>
+inline V lower_halves(V a, V b) {
+  if constexpr (sizeof(a) / sizeof(a[0]) == 8)
+    return __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
+  else
+    return __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+}
+
+template <class V>
+inline V upper_halves(V a, V b) {
+  if constexpr (sizeof(a) / sizeof(a[0]) == 8)
+    return __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
+  else
+    return __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+}
+
+// n groups as they stand in memory, n numbers to a problem, to number j of all problems in x[j]; n a power of two.
+template <int n, class V>
+inline void by_number(V* x) {
+  if constexpr (n > 1) {
+    V even[n / 2], odd[n / 2];
+    for (int k = 0; k < n / 2; ++k) even[k] = evens(x[2 * k], x[2 * k + 1]), odd[k] = odds(x[2 * k], x[2 * k + 1]);
+    by_number<n / 2>(even), by_number<n / 2>(odd);
+    for (int k = 0; k < n / 2; ++k) x[2 * k] = even[k], x[2 * k + 1] = odd[k];
+  }
+}
+
+// The reverse.
+template <int n, class V>
+inline void by_problem(V* x) {
+  if constexpr (n > 1) {
+    V even[n / 2], odd[n / 2];
+    for (int k = 0; k < n / 2; ++k) even[k] = x[2 * k], odd[k] = x[2 * k + 1];
+    by_problem<n / 2>(even), by_problem<n / 2>(odd);
+    for (int k = 0; k < n / 2; ++k)
+      x[2 * k] = lower_halves(even[k], odd[k]), x[2 * k + 1] = upper_halves(even[k], odd[k]);
+  }
+}
+
+template <class V, class Join>
+inline auto over_lanes(V x, Join join) {
+  for (int by = sizeof(x) / sizeof(x[0]) / 2; by; by /= 2) x = join(x, rotated(x, by));
+  return x[0];
+}
+
+template <class V>
+inline auto sum_of_lanes(V x) {
+  return over_lanes(x, [](V a, V b) { return a + b; });
+}
+
+template <class V>
+inline auto largest_lane(V x) {
+  return over_lanes(x, larger_lanes<V>);
+}
+
+template <class V>
+inline auto smallest_lane(V x) {
+  return over_lanes(x, smaller_lanes<V>);
+}
+
+// max |x_j| over whole groups of lanes.
+template <class Real>
+inline Real largest_of(const Real* x, int n) {
+  Lanes<Real> most{};
+  for (int j = 0; j < n; j += Format<Real>::width) most = larger_lanes(most, size_of_lanes(lanes_at(x + j)));
+  return largest_lane(most);
+}
+
+// e with 2^(e-1) <= |x| < 2^e; 0 at zero, at NaN and at infinity.
+template <class Real>
+inline int exponent(Real x) {
+  using F = Format<Real>;
+  if (x == 0 || !is_finite(x)) return 0;
+  return int((bits_of(x) >> F::fraction) & (2 * F::bias + 1)) - F::bias + 1;
+}
+
+// 2^k exactly, k held two steps inside the normal numbers.
+template <class Real>
+inline Real power_of_two(int k) {
+  using F = Format<Real>;
+  const int low = 2 - F::bias, high = F::bias - 2;
+  const typename F::Word word = typename F::Word((k < low ? low : k > high ? high : k) + F::bias) << F::fraction;
+  Real x;
+  std::memcpy(&x, &word, sizeof x);
+  return x;
+}
+
+// x 2^k in two steps, so that only the product can overflow and not the factor.
+template <class Real>
+inline Real times_power_of_two(Real x, int k) {
+  const int half = k >> 1;
+  return x * power_of_two<Real>(half) * power_of_two<Real>(k - half);
+}
+
+// The row length of a matrix in memory: whole groups of lanes, so that a row is a few instructions.
+template <class Real>
+constexpr int padded(int m) {
+  return (m + Format<Real>::width - 1) / Format<Real>::width * Format<Real>::width;
+}
+
+}  // namespace jaxcontact

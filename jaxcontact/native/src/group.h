@@ -1,0 +1,228 @@
+// Problems of few contacts, one per lane: an instruction works on a whole group of them.
+#pragma once
+
+#if defined(__AVX512DQ__)
+#include <immintrin.h>
+#endif
+
+#include "tableau.h"
+
+namespace jaxcontact {
+
+// Up to this many contacts a group of problems fits the nearest cache and its loops are written out.
+constexpr int GROUPED = 8;
+
+template <class V>
+inline V one_if_zero(V x) {
+  return x > 0 ? x : x - x + 1;
+}
+
+template <class Real>
+inline bool any_lane(Masks<Real> mask) {  // true is -1
+#if defined(__AVX512DQ__)
+  if constexpr (sizeof(Real) == 8)
+    return _mm512_movepi64_mask((__m512i)mask) != 0;
+  else
+    return _mm512_movepi32_mask((__m512i)mask) != 0;
+#else
+  return smallest_lane(mask) != 0;
+#endif
+}
+
+// e with 2^(e-1) <= x < 2^e, for positive finite x.
+template <class Real>
+inline Masks<Real> exponents(Lanes<Real> x) {
+  using F = Format<Real>;
+  return (((Masks<Real>)x >> F::fraction) & (2 * F::bias + 1)) - (F::bias - 1);
+}
+
+// 2^k for k inside the normal numbers.
+template <class Real>
+inline Lanes<Real> powers_of_two(Masks<Real> k) {
+  return (Lanes<Real>)((k + Format<Real>::bias) << Format<Real>::fraction);
+}
+
+// Balanced entries and load; unit and whole take z back to the caller: z_i unit_i whole.
+template <int m, class Real>
+struct Group {
+  Lanes<Real> M[m][m], q[m], unit[m], whole;
+};
+
+// Whether n numbers per problem are whole groups of lanes, or a power of two that divides one.
+template <int n, class Real>
+constexpr bool REGULAR = n <= Format<Real>::width ? (n & (n - 1)) == 0 : n % Format<Real>::width == 0;
+
+// n numbers of each problem, lane by lane; lanes beyond `count` repeat the first problem.
+template <int n, class Real>
+inline void read_lanes(const Real* from, int count, Lanes<Real>* to) {
+  constexpr int W = Format<Real>::width, block = n < W ? n : W;
+  if (REGULAR<n, Real> && count == W) {
+    for (int start = 0; start < n; start += block) {
+      for (int k = 0; k < block; ++k) to[start + k] = lanes_at(from + (n < W ? k * W : k * n + start));
+      by_number<REGULAR<n, Real> ? block : 1>(to + start);
+    }
+    return;
+  }
+  for (int lane = 0; lane < W; ++lane)
+    for (int j = 0; j < n; ++j) to[j][lane] = from[(lane < count ? lane : 0) * n + j];
+}
+
+// n numbers of each of the first `count` problems, written problem by problem.
+template <int n, class Real>
+inline void write_lanes(const Lanes<Real>* from, int count, Real* to) {
+  constexpr int W = Format<Real>::width;
+  if (REGULAR<n, Real> && n <= W && count == W) {
+    Lanes<Real> x[n];
+    for (int j = 0; j < n; ++j) x[j] = from[j];
+    by_problem<REGULAR<n, Real> && n <= W ? n : 1>(x);
+    for (int k = 0; k < n; ++k) put(x[k], to + k * W);
+    return;
+  }
+  for (int j = 0; j < n; ++j)
+    for (int lane = 0; lane < count; ++lane) to[lane * n + j] = from[j][lane];
+}
+
+// The same for truth values.
+template <int n, class Real>
+inline void write_masks(const Masks<Real>* from, int count, bool* to) {
+  using Word = typename Format<Real>::Word;
+  constexpr int bytes = sizeof(Word);
+  for (int start = 0; start < n; start += bytes) {
+    const int here = n - start < bytes ? n - start : bytes;
+    Masks<Real> packed{};
+    for (int j = 0; j < here; ++j) packed |= (from[start + j] & 1) << 8 * j;
+    for (int lane = 0; lane < count; ++lane) {
+      const Word word = packed[lane];
+      std::memcpy(to + lane * n + start, &word, here);
+    }
+  }
+}
+
+// Whole numbers, one to a problem.
+template <class Real>
+inline void write_integers(Masks<Real> from, int count, int* to) {
+  for (int lane = 0; lane < count; ++lane) to[lane] = int(from[lane]);
+}
+
+template <int m, class Real>
+inline void gather(const Real* M, const Real* q, int count, Lanes<Real> (&entries)[m][m], Lanes<Real> (&load)[m]) {
+  read_lanes<m * m>(M, count, &entries[0][0]);
+  read_lanes<m>(q, count, load);
+}
+
+// The row exponents of `row_exponents` where the diagonal is positive and finite; where it is not, false.
+template <int m, class Real>
+inline Masks<Real> row_exponents_of_lanes(const Lanes<Real> (&M)[m][m], Masks<Real> (&rows)[m]) {
+  Masks<Real> plain = ~Masks<Real>{};
+  for (int i = 0; i < m; ++i) {
+    plain &= (M[i][i] > 0) & (M[i][i] < infinity<Real>);
+    rows[i] = exponents<Real>(M[i][i]);
+  }
+  const Masks<Real> odd = rows[0] & 1;
+  for (int i = 0; i < m; ++i) rows[i] = -((rows[i] - odd) >> 1);
+  return plain;
+}
+
+// One lane balanced with care by the code for single problems.
+template <int m, class Real>
+void balance_lane(const Real* M, const Real* q, int lane, Group<m, Real>& group) {
+  constexpr int stride = padded<Real>(m);
+  int rows[m];
+  alignas(64) Real unit[stride], T[m * stride], load[stride];
+  const Units units = scaled<stride>(M, q, m, stride, rows, unit, T, load);
+  group.whole[lane] = 1;
+  for (int i = 0; i < m; ++i) {
+    for (int j = 0; j < m; ++j) group.M[i][j][lane] = T[i * stride + j];
+    group.q[i][lane] = load[i];
+    group.unit[i][lane] = power_of_two<Real>(units.of_z(i));
+  }
+}
+
+// The problems of a group, balanced by powers of two.
+template <int m, class Real>
+inline void load(const Real* M, const Real* q, int count, Group<m, Real>& group) {
+  using V = Lanes<Real>;
+  using K = Masks<Real>;
+  constexpr int room = Format<Real>::bias / 4;
+  gather<m>(M, q, count, group.M, group.q);
+  K rows[m], plain = row_exponents_of_lanes<m, Real>(group.M, rows);
+  V largest{}, heaviest{};
+  for (int i = 0; i < m; ++i) {
+    plain &= (rows[i] < room) & (rows[i] > -room);
+    group.unit[i] = powers_of_two<Real>(rows[i]);
+  }
+  for (int i = 0; i < m; ++i) {
+    for (int j = 0; j < m; ++j) {
+      group.M[i][j] = group.M[i][j] * group.unit[i] * group.unit[j];
+      largest = larger_lanes(largest, size_of_lanes(group.M[i][j]));
+      plain &= group.M[i][j] == group.M[i][j];
+    }
+    group.q[i] = group.q[i] * group.unit[i];
+    heaviest = larger_lanes(heaviest, size_of_lanes(group.q[i]));
+    plain &= group.q[i] == group.q[i];
+  }
+  const K size_M = exponents<Real>(largest), size_q = heaviest > 0 ? exponents<Real>(heaviest) : K{};
+  plain &= (size_M < room) & (size_M > -room) & (size_q < room) & (size_q > -room);
+  const V per_M = powers_of_two<Real>(-size_M), per_q = powers_of_two<Real>(-size_q);
+  for (int i = 0; i < m; ++i) {
+    for (int j = 0; j < m; ++j) group.M[i][j] *= per_M;
+    group.q[i] *= per_q;
+  }
+  group.whole = powers_of_two<Real>(size_q - size_M);
+  if (!any_lane<Real>(~plain)) return;
+  for (int lane = 0; lane < Format<Real>::width; ++lane) {
+    const int from = lane < count ? lane : 0;
+    if (!plain[lane]) balance_lane<m>(M + from * m * m, q + from * m, lane, group);
+  }
+}
+
+// miss = M z + q; the return value is max |min(z, miss)|, NaN stays.
+template <int m, class Real>
+inline Lanes<Real> violation_of_lanes(const Group<m, Real>& group, const Lanes<Real> (&z)[m], Lanes<Real> (&miss)[m]) {
+  Lanes<Real> most{};
+  for (int i = 0; i < m; ++i) {
+    miss[i] = group.q[i];
+    for (int j = 0; j < m; ++j) miss[i] += group.M[i][j] * z[j];
+    const Lanes<Real> size = size_of_lanes(smaller_lanes(z[i], miss[i]));
+    most = size <= most ? most : size;
+  }
+  return most;
+}
+
+template <class V>
+inline V cut(V x) {
+  return x < 0 ? V{} : x;
+}
+
+// `refine` of tableau.h for a group. correct(miss, z): subtract from z what the bases say of the miss.
+template <int m, class Real, class Correct>
+inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int corrections, Correct correct) {
+  using V = Lanes<Real>;
+  V best[m], miss[m], held[m];
+  for (int i = 0; i < m; ++i) best[i] = cut(z[i]);
+  V least = violation_of_lanes(group, best, miss);
+  for (int k = 0; k < corrections; ++k) {
+    V size{};
+    for (int i = 0; i < m; ++i) size = larger_lanes(size, best[i]);
+    const Masks<Real> needed = ~(least <= EXACT * eps<Real> * (1 + size));
+    if (!any_lane<Real>(needed)) break;
+    violation_of_lanes(group, z, miss);
+    correct(miss, z);
+    for (int i = 0; i < m; ++i) held[i] = cut(z[i]);
+    const V found = violation_of_lanes(group, held, miss);
+    const Masks<Real> better = needed & (found < least);
+    for (int i = 0; i < m; ++i) best[i] = better ? held[i] : best[i];
+    least = better ? found : least;
+  }
+  for (int i = 0; i < m; ++i) z[i] = best[i];
+}
+
+// z of the caller, written problem by problem.
+template <int m, class Real>
+inline void scatter(const Group<m, Real>& group, const Lanes<Real> (&z)[m], int count, Real* to) {
+  Lanes<Real> x[m];
+  for (int i = 0; i < m; ++i) x[i] = z[i] * group.unit[i] * group.whole;
+  write_lanes<m>(x, count, to);
+}
+
+}  // namespace jaxcontact

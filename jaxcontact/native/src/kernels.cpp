@@ -1,0 +1,261 @@
+// The kernels as XLA calls them: batches along the leading axes, cut into pieces for XLA's own threads.
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <type_traits>
+#include <utility>
+
+#include "findings.h"
+#include "lemke.h"
+#include "principal.h"
+#include "xla/ffi/api/ffi.h"
+
+namespace ffi = xla::ffi;
+
+namespace jaxcontact {
+
+// Problems are handed out in pieces of about this many numbers of data: some twenty microseconds of work.
+constexpr int64_t PIECE = 1 << 13;
+
+// run(first, last) over pieces of [0, total) on all threads of the pool and this one. It waits only for pieces that
+// have begun, so that a full pool cannot stop it.
+template <class Run>
+void in_pieces(ffi::ThreadPool& pool, int64_t total, int64_t per_problem, int64_t grain, Run run) {
+  int64_t length = (PIECE / per_problem + grain - 1) / grain * grain;
+  length = length < grain ? grain : length;
+  const int64_t count = (total + length - 1) / length;
+  if (count <= 1) return run(0, total);
+  struct Shared {
+    std::atomic<int64_t> next{0}, done{0};
+  };
+  auto shared = std::make_shared<Shared>();
+  auto work = [shared, run, total, length, count]() mutable {
+    for (int64_t k; (k = shared->next.fetch_add(1)) < count;) {
+      run(k * length, (k + 1) * length < total ? (k + 1) * length : total);
+      shared->done.fetch_add(1, std::memory_order_release);
+    }
+  };
+  const int64_t helpers = pool.num_threads() < count ? pool.num_threads() : count;
+  for (int64_t k = 1; k < helpers; ++k) pool.Schedule(decltype(work)(work));
+  work();
+  while (shared->done.load(std::memory_order_acquire) < count) std::this_thread::yield();
+}
+
+// Row lengths that the compiler knows: problems up to 16 contacts are a few registers per row.
+template <class Real, class Body>
+inline void with_stride(int stride, Body body) {
+  constexpr int W = Format<Real>::width;
+  if (stride == W) return body(std::integral_constant<int, W>{});
+  if (stride == 2 * W) return body(std::integral_constant<int, 2 * W>{});
+  if (stride == 3 * W) return body(std::integral_constant<int, 3 * W>{});
+  if (stride == 4 * W) return body(std::integral_constant<int, 4 * W>{});
+  return body(std::integral_constant<int, 0>{});
+}
+
+// As many contacts as fit a group.
+template <class Body>
+inline void with_few_contacts(int m, Body body) {
+  if (m == 1) return body(std::integral_constant<int, 1>{});
+  if (m == 2) return body(std::integral_constant<int, 2>{});
+  if (m == 3) return body(std::integral_constant<int, 3>{});
+  if (m == 4) return body(std::integral_constant<int, 4>{});
+  if (m == 5) return body(std::integral_constant<int, 5>{});
+  if (m == 6) return body(std::integral_constant<int, 6>{});
+  if (m == 7) return body(std::integral_constant<int, 7>{});
+  if (m == 8) return body(std::integral_constant<int, 8>{});
+}
+
+using Real = JAXCONTACT_REAL;  // double or float: the file is compiled once for each
+constexpr int64_t W = Format<Real>::width;
+
+constexpr ffi::DataType number = sizeof(Real) == 8 ? ffi::F64 : ffi::F32;
+using Numbers = ffi::Buffer<number>;
+using Booleans = ffi::Buffer<ffi::PRED>;
+using ToNumbers = ffi::Result<Numbers>;
+using ToBooleans = ffi::Result<Booleans>;
+using ToIntegers = ffi::Result<ffi::Buffer<ffi::S32>>;
+
+template <class Vectors>
+inline int contacts(const Vectors& q) {
+  return int(q.dimensions().back());
+}
+
+template <class Vectors>
+inline int64_t problems(const Vectors& q) {
+  return q.element_count() / contacts(q);
+}
+
+// Where results go: what a method says of a problem, and what is measured of it while it is still at hand.
+struct Results {
+  Real *z, *certificate;
+  int32_t *outcome, *steps;
+  Found<Real> found;
+  int64_t m;
+
+  Found<Real> found_at(int64_t b) const {
+    return {found.w + b * m,          found.eta + b,  found.rho + b, found.active + b * m,
+            found.degenerate + b * m, found.flags + b};
+  }
+};
+
+inline Found<Real> found_in(ToNumbers& w, ToNumbers& eta, ToNumbers& rho, ToBooleans& active, ToBooleans& degenerate,
+                            ToIntegers& flags) {
+  return {w->typed_data(),      eta->typed_data(),        rho->typed_data(),
+          active->typed_data(), degenerate->typed_data(), flags->typed_data()};
+}
+
+// All problems by a method, each measured behind it: of_group(size, b, count, to) for problems that fit a group, else
+// alone(stride, b, work, to) one by one.
+template <class OfGroup, class Alone>
+ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results& to, bool grouped, int extra,
+                  OfGroup of_group, Alone alone) {
+  const int64_t m = to.m;
+  const Real *M = M_.typed_data(), *q = q_.typed_data();
+  in_pieces(pool, problems(q_), m * m, grouped ? W : 1, [=](int64_t first, int64_t last) {
+    Workspace<Real> work(int(m), extra);
+    if (grouped) {
+      with_few_contacts(int(m), [&](auto size) {
+        for (int64_t b = first; b < last; b += W) {
+          const int count = int(last - b < W ? last - b : W);
+          of_group(size, b, count, work);
+          findings_of_group<size()>(M + b * m * m, q + b * m, to.z + b * m, count, to.found_at(b));
+        }
+      });
+      return;
+    }
+    with_stride<Real>(work.stride, [&](auto stride) {
+      for (int64_t b = first; b < last; ++b) {
+        alone(stride, b, work);
+        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, work, to.found_at(b));
+      }
+    });
+  });
+  return ffi::Error::Success();
+}
+
+#define JAXCONTACT_RESULTS                                                                                             \
+  ToNumbers z, ToNumbers certificate, ToIntegers outcome, ToIntegers steps, ToNumbers w, ToNumbers eta, ToNumbers rho, \
+      ToBooleans active, ToBooleans degenerate, ToIntegers flags
+#define JAXCONTACT_TO                                                                       \
+  Results {                                                                                 \
+    z->typed_data(), certificate->typed_data(), outcome->typed_data(), steps->typed_data(), \
+        found_in(w, eta, rho, active, degenerate, flags), contacts(q_)                      \
+  }
+
+ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans wanted_, int64_t budget_,
+                     JAXCONTACT_RESULTS) {
+  const Results to = JAXCONTACT_TO;
+  const int64_t m = to.m;
+  const int budget = int(budget_);
+  const Real *M = M_.typed_data(), *q = q_.typed_data();
+  const bool* wanted = wanted_.element_count() ? wanted_.typed_data() : nullptr;
+  return solved(
+      pool, M_, q_, to, m <= GROUPED && !wanted, 0,
+      [=](auto size, int64_t b, int count, Workspace<Real>&) {
+        principal_lanes<size()>(M + b * m * m, q + b * m, count, budget, to.z + b * m, to.certificate + b * m,
+                                to.outcome + b, to.steps + b);
+      },
+      [=](auto stride, int64_t b, Workspace<Real>& work) {
+        principal<stride()>(M + b * m * m, q + b * m, wanted ? wanted + b * m : nullptr, budget, work, to.z + b * m,
+                            to.certificate + b * m, to.outcome + b, to.steps + b);
+      });
+}
+
+ffi::Error Lemke(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers covering_, int64_t budget_, JAXCONTACT_RESULTS) {
+  const Results to = JAXCONTACT_TO;
+  const int64_t m = to.m;
+  const int budget = int(budget_);
+  const Real *M = M_.typed_data(), *q = q_.typed_data();
+  const Real* covering = covering_.element_count() ? covering_.typed_data() : nullptr;
+  return solved(
+      pool, M_, q_, to, m <= GROUPED, 1,
+      [=](auto size, int64_t b, int count, Workspace<Real>& work) {
+        lemke_lanes<size()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, count, budget, work,
+                            to.z + b * m, to.certificate + b * m, to.outcome + b, to.steps + b);
+      },
+      [=](auto stride, int64_t b, Workspace<Real>& work) {
+        lemke<stride()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, budget, work, to.z + b * m,
+                        to.certificate + b * m, to.outcome + b, to.steps + b);
+      });
+}
+
+ffi::Error Direct(ffi::ThreadPool pool, Numbers M_, Numbers q_, JAXCONTACT_RESULTS) {
+  const Results to = JAXCONTACT_TO;
+  const int64_t m = to.m;
+  const Real *M = M_.typed_data(), *q = q_.typed_data();
+  return solved(
+      pool, M_, q_, to, true, 0,
+      [=](auto size, int64_t b, int count, Workspace<Real>&) {
+        if constexpr (size() <= DIRECT_LIMIT)
+          direct<size()>(M + b * m * m, q + b * m, count, to.z + b * m, to.certificate + b * m, to.outcome + b);
+        for (int lane = 0; lane < count; ++lane) to.steps[b + lane] = 0;
+      },
+      [](auto, int64_t, Workspace<Real>&) {});
+}
+
+ffi::Error Findings(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, ToNumbers w, ToNumbers eta, ToNumbers rho,
+                    ToBooleans active, ToBooleans degenerate, ToIntegers flags) {
+  const Results to{z_.typed_data(), nullptr, nullptr, nullptr, found_in(w, eta, rho, active, degenerate, flags),
+                   contacts(q_)};
+  const auto nothing = [](auto&&...) {};
+  return solved(pool, M_, q_, to, to.m <= GROUPED, 0, nothing, nothing);
+}
+
+ffi::Error Condition(ffi::ThreadPool pool, Numbers M_, Booleans held_, ToNumbers result_) {
+  const int64_t m = contacts(held_);
+  const Real* M = M_.typed_data();
+  const bool* held = held_.typed_data();
+  Real* result = result_->typed_data();
+  in_pieces(pool, problems(held_), m * m, m <= GROUPED ? W : 1, [=](int64_t first, int64_t last) {
+    Workspace<Real> work(m);
+    if (m <= GROUPED) {
+      with_few_contacts(int(m), [&](auto size) {
+        for (int64_t b = first; b < last; b += W)
+          condition_lanes<size()>(M + b * m * m, held + b * m, int(last - b < W ? last - b : W), work, result + b);
+      });
+      return;
+    }
+    with_stride<Real>(work.stride, [&](auto stride) {
+      for (int64_t b = first; b < last; ++b) result[b] = condition<stride()>(M + b * m * m, held + b * m, work);
+    });
+  });
+  return ffi::Error::Success();
+}
+
+}  // namespace jaxcontact
+
+#define JAXCONTACT_JOIN_(a, b, c) a##b##_##c
+#define JAXCONTACT_JOIN(a, b, c) JAXCONTACT_JOIN_(a, b, c)
+#define JAXCONTACT_NAME(kernel) JAXCONTACT_JOIN(jaxcontact_, kernel, JAXCONTACT_REAL)
+#define JAXCONTACT_BIND xla::ffi::Ffi::Bind().Ctx<xla::ffi::ThreadPool>()
+#define JAXCONTACT_INTEGERS Ret<ffi::Buffer<ffi::S32>>()
+#define JAXCONTACT_ANSWER Ret<Numbers>().Ret<Numbers>().JAXCONTACT_INTEGERS.JAXCONTACT_INTEGERS
+#define JAXCONTACT_FINDINGS \
+  Ret<Numbers>().Ret<Numbers>().Ret<Numbers>().Ret<Booleans>().Ret<Booleans>().JAXCONTACT_INTEGERS
+
+namespace jaxcontact {
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(principal), Principal,
+                              JAXCONTACT_BIND.Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Arg<Booleans>()
+                                  .Attr<int64_t>("budget")
+                                  .JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(lemke), Lemke,
+                              JAXCONTACT_BIND.Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Attr<int64_t>("budget")
+                                  .JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(direct), Direct,
+                              JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(findings), Findings,
+                              JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().Arg<Numbers>().JAXCONTACT_FINDINGS);
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(condition), Condition,
+                              JAXCONTACT_BIND.Arg<Numbers>().Arg<Booleans>().Ret<Numbers>());
+
+}  // namespace jaxcontact

@@ -1,0 +1,132 @@
+// A dense tableau, basic = T nonbasic + values, and its one operation: the exchange of a basic with a nonbasic
+// variable.
+#pragma once
+
+#include <new>
+#include <vector>
+
+#include "scaling.h"
+
+namespace jaxcontact {
+
+// How a path ended, as in complementarity/status.py.
+enum Outcome : int { SOLVED = 0, RAY = 1, MAX_STEPS = 3, INACCURATE = 4, NO_SOLUTION = 9 };
+
+// Memory that begins with a cache line, so that no group of lanes lies across two.
+template <class T>
+struct Aligned {
+  using value_type = T;
+  static constexpr std::align_val_t line{64};
+  Aligned() = default;
+  template <class U>
+  Aligned(const Aligned<U>&) {}
+  T* allocate(size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), line)); }
+  void deallocate(T* p, size_t) { ::operator delete(p, line); }
+  bool operator==(const Aligned&) const { return true; }
+  bool operator!=(const Aligned&) const { return false; }
+};
+
+// Everything one thread needs for problems of m contacts; rows are padded to whole groups of lanes.
+template <class Real>
+struct Workspace {
+  int m, stride;
+  std::vector<Real, Aligned<Real>> M, T, q, values, column, right, z, best, miss, ratio, unit;
+  std::vector<int> rows, basic, nonbasic;
+  std::vector<typename Format<Real>::Word, Aligned<typename Format<Real>::Word>> active,
+      barred;  // 0 or -1, whole groups of lanes
+  std::vector<char> tied;
+
+  // extra: columns of T beyond those of M.
+  explicit Workspace(int m, int extra = 0) : m(m), stride(padded<Real>(m + extra)) {
+    for (auto* x : {&M, &T}) x->assign(size_t(m) * stride, 0);
+    for (auto* x : {&q, &values, &column, &right, &z, &best, &miss, &ratio, &unit}) x->assign(stride, 0);
+    rows.assign(m, 0);
+    basic.assign(m, 0);
+    nonbasic.assign(m + 1, 0);
+    for (auto* x : {&active, &barred}) x->assign(stride, 0);
+    tied.assign(stride, 0);
+  }
+};
+
+// Row r against column s with pivot T_rs: one rank-one update; `column` is filled with the old column s.
+// S: the row length where the compiler may know it, else 0. Single entries are written only after their row: a whole
+// row read right behind such a write would wait for it.
+template <int S, class Real>
+inline void exchange(Real* __restrict T, Real* __restrict values, Real* __restrict column, Real* __restrict right,
+                     int m, int stride_, int r, int s) {
+  const int stride = S ? S : stride_;
+  Real* across = T + r * stride;
+  const Real inverse = 1 / across[s];
+  for (int j = 0; j < stride; ++j) right[j] = across[j] * inverse;
+  for (int i = 0; i < m; ++i) column[i] = T[i * stride + s];
+  const Real step = values[r] * inverse;
+  for (int i = 0; i < m; ++i) {
+    Real* row = T + i * stride;
+    const Real l = column[i];
+    for (int j = 0; j < stride; ++j) row[j] -= l * right[j];
+    row[s] = l * inverse;
+    values[i] -= l * step;
+  }
+  for (int j = 0; j < stride; ++j) across[j] = -right[j];
+  across[s] = inverse;
+  values[r] = -step;
+}
+
+// miss = M z + q, rows of padded length; the return value is max |min(z, miss)|, NaN if one entry is.
+template <int S, class Real>
+inline Real violation(const Real* __restrict M, const Real* __restrict q, const Real* __restrict z,
+                      Real* __restrict miss, int m, int stride_) {
+  const int stride = S ? S : stride_;
+  Real most = 0;
+  for (int i = 0; i < m; ++i) {
+    Lanes<Real> sum{};
+    for (int j = 0; j < stride; j += Format<Real>::width) sum += lanes_at(M + i * stride + j) * lanes_at(z + j);
+    const Real total = q[i] + sum_of_lanes(sum);
+    miss[i] = total;
+    const Real size = size_of(z[i] < total ? z[i] : total);
+    most = size <= most ? most : size;  // NaN stays: no comparison with it holds
+    if (!(total == total)) return not_a_number<Real>;
+  }
+  return most;
+}
+
+// Without this many eps of violation, relative to the answer, a correction has nothing to gain.
+constexpr int EXACT = 4;
+
+// z of the caller.
+template <class Real>
+inline void unscale(const Real* x, const Real* unit, const Units& units, int m, Real* z) {
+  const int whole = units.size_q - units.size_M;
+  if (units.moderate && whole < Format<Real>::bias / 4 && -whole < Format<Real>::bias / 4) {
+    const Real factor = power_of_two<Real>(whole);
+    for (int i = 0; i < m; ++i) z[i] = x[i] * unit[i] * factor;
+  } else {
+    for (int i = 0; i < m; ++i) z[i] = times_power_of_two(x[i], units.of_z(i));
+  }
+}
+
+// Correction steps with the final basis, as pivoting.REFINEMENTS.
+constexpr int REFINEMENTS = 2;
+
+// z (padded) replaced by the best of itself and its corrections, negative entries cut to zero before each is measured.
+// correct(miss, z): subtract from z what the basis says of the miss.
+template <int S, class Real, class Correct>
+inline void refine(Workspace<Real>& work, Correct correct) {
+  const int m = work.m, stride = S ? S : work.stride;
+  Real *z = work.z.data(), *best = work.best.data(), *held = work.ratio.data(), *miss = work.miss.data();
+  const Real *M = work.M.data(), *q = work.q.data();
+  for (int i = 0; i < stride; ++i) best[i] = i < m && !(z[i] < 0) ? z[i] : 0;
+  Real least = violation<S>(M, q, best, miss, m, stride);
+  for (int k = 0; k < REFINEMENTS && !(least <= EXACT * eps<Real> * (1 + largest_of(best, stride))); ++k) {
+    violation<S>(M, q, z, miss, m, stride);
+    correct(miss, z);
+    for (int i = 0; i < stride; ++i) held[i] = i < m && !(z[i] < 0) ? z[i] : 0;
+    const Real size = violation<S>(M, q, held, miss, m, stride);
+    if (!(size < least)) continue;
+    least = size;
+    for (int i = 0; i < m; ++i) best[i] = held[i];
+  }
+  for (int i = 0; i < m; ++i) z[i] = best[i];
+}
+
+}  // namespace jaxcontact
