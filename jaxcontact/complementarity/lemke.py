@@ -168,8 +168,8 @@ def _leaving(basis, T, column, candidates):
     key = jnp.where(first, -1.0, jnp.where(tied, 0.0, 1.0)).astype(column.dtype)
     best, row = least_entry(key)
     open_tie = (jnp.sum(tied, axis=0, dtype=jnp.int32) > 1) & (best == 0) & ~basis.done
-    row = where_needed(jnp.any(open_tie), _lexicographic, row, basis, T, column, tied)
-    return row, best <= 0
+    decided = where_needed(jnp.any(open_tie), _lexicographic, row, basis, T, column, tied)
+    return jnp.where(open_tie, decided, row), best <= 0  # another lane's tie is none of this one's
 
 
 def _lexicographic(basis, T, column, tied):

@@ -1,0 +1,210 @@
+"""The compiled kernels: the same answers as the same methods in JAX, lane by lane, and nothing lost without them."""
+
+import os
+import shutil
+import subprocess
+import sys
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from families import FAMILIES, fathi, murty
+
+from jaxcontact import native
+from jaxcontact.complementarity import LCP, Direct, Lemke, PrincipalPivoting, Status, judge, solve
+from jaxcontact.complementarity.judge import Claim
+from jaxcontact.native import build
+
+COMPILER = shutil.which(os.environ.get("CXX", "c++"))
+
+built = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler here, so no kernels")
+
+
+def problems(m, dtype, seed=5, each=3):
+    """M (n, m, m), q (n, m) from every family, in no order, and a number of them that fills no group of lanes."""
+    rng = np.random.default_rng(seed)
+    drawn = [f(m, rng) for f in FAMILIES for _ in range(1 if f in (murty, fathi) else each)]
+    drawn = [drawn[k] for k in rng.permutation(len(drawn))][: len(drawn) // 8 * 8 - 3]
+    return tuple(jnp.asarray(np.array(part), dtype) for part in zip(*drawn, strict=True))
+
+
+def batch(method):
+    return jax.jit(jax.vmap(lambda M, q: solve(LCP(M, q), method)))
+
+
+def both(method, M, q):
+    """The solutions by kernel and by JAX, as NumPy arrays."""
+    by_kernel = jax.tree.map(np.asarray, batch(method)(M, q))
+    with native.unused():
+        return by_kernel, jax.tree.map(np.asarray, batch(method)(M, q))
+
+
+@built
+def test_where_a_compiler_is_the_kernels_are_in_use():
+    if os.environ.get("JAXCONTACT_NATIVE") == "0":
+        pytest.skip("switched off from outside")
+    assert native.reason() == ""
+    assert native.serve(jnp.float32)
+    assert native.serve(jnp.float64)
+    assert not native.serve(jnp.float16)
+    with native.unused():
+        assert "unused" in native.reason()
+    assert native.reason() == ""
+
+
+CASES = [
+    (PrincipalPivoting(), 1, np.float64),
+    (PrincipalPivoting(), 3, np.float32),
+    (PrincipalPivoting(), 6, np.float64),
+    (PrincipalPivoting(), 11, np.float64),
+    (Lemke(), 2, np.float64),
+    (Lemke(), 5, np.float64),
+    (Lemke(), 10, np.float64),
+    (Direct(), 1, np.float64),
+    (Direct(), 2, np.float64),
+    (Direct(), 4, np.float64),
+]
+SLOW = [
+    *((PrincipalPivoting(), m, np.float32) for m in (2, 4, 5, 7, 8, 9, 17, 33)),
+    *((PrincipalPivoting(), m, np.float64) for m in (2, 4, 7, 8, 16, 24, 40)),
+    *((Lemke(), m, dtype) for m in (1, 3, 4, 7, 8, 9, 16, 24, 33) for dtype in (np.float64, np.float32)),
+    *((Direct(), m, np.float32) for m in (1, 2, 3, 4)),
+]
+
+
+@built
+@pytest.mark.parametrize(
+    ("method", "m", "dtype"), [*CASES, *(pytest.param(*case, marks=pytest.mark.slow) for case in SLOW)]
+)
+def test_kernel_and_jax_agree_on_every_family(method, m, dtype):
+    """Status for status, pivot for pivot; numbers to eight times the rounding of the equations (bar 4)."""
+    M, q = problems(m, dtype)
+    kernel, reference = both(method, M, q)
+    eps = np.finfo(dtype).eps
+    # where more than half of the digits are gone the two may decide differently, and each says so in `condition`
+    clear = np.maximum(kernel.condition, reference.condition) < eps**-0.5
+    assert clear.sum() > len(q) // 2
+    assert (kernel.status == reference.status)[clear].all()
+    assert (kernel.steps == reference.steps)[clear].all()
+    solved = clear & (reference.status == Status.SOLVED)
+    assert solved.any()
+    scale = np.abs(reference.z[solved]).max(1) + np.abs(q[solved]).max(1)
+    assert (np.abs(kernel.z - reference.z)[solved].max(1) <= 8 * eps * reference.condition[solved] * scale).all()
+    assert (kernel.active == reference.active)[solved].all()
+    assert (kernel.degenerate == reference.degenerate)[solved].all()
+    assert (np.isnan(kernel.z).any(1) == ~np.isin(kernel.status, (Status.SOLVED, Status.REDUNDANT))).all()
+
+
+@built
+@pytest.mark.parametrize("m", [2, 5, 9])
+def test_the_judges_measures_are_those_of_its_own_code(m):
+    """At points that solve nothing, zero and negative ones too: eta and rho are far from rounding there."""
+    M, q = problems(m, np.float64, each=2)
+    z = jnp.asarray(np.random.default_rng(0).normal(size=q.shape))
+    z = z.at[::3].set(0).at[1, 0].set(jnp.nan).at[2, 0].set(jnp.inf)
+
+    def verdict(M, q, z, kernels):
+        return judge(LCP(M, q), Claim(q[:0], z, z, jnp.int32(Status.SOLVED), 0 * z), kernels)
+
+    by_kernel, by_jax = (jax.jit(jax.vmap(partial(verdict, kernels=k)))(M, q, z) for k in (True, False))
+    for name in ("w", "residual", "backward_error"):
+        np.testing.assert_allclose(getattr(by_kernel, name), getattr(by_jax, name), rtol=1e-12, atol=1e-12)
+    for name in ("status", "active", "degenerate"):
+        bad = ~np.isfinite(z).all(1)
+        assert np.array_equal(getattr(by_kernel, name)[~bad], getattr(by_jax, name)[~bad]), name
+    assert (np.asarray(by_kernel.status)[bad] == np.asarray(by_jax.status)[bad]).all()
+
+
+@built
+@pytest.mark.parametrize("m", [3, 8, 12])
+def test_the_condition_is_that_of_the_library(m):
+    rng = np.random.default_rng(m)
+    M = rng.normal(size=(40, m, m)) + m * np.eye(m)
+    held = rng.random((40, m)) < 0.6
+    K = np.where(held[:, None, :], M, np.eye(m))
+    K[3], M[3], held[3] = 0, 0, True
+    found = np.asarray(native.condition(jnp.asarray(M), jnp.asarray(held)))
+    rows = 2.0 ** -np.frexp(np.abs(K).max(2))[1]
+    B = K * rows[:, :, None]
+    B = B * (2.0 ** -np.frexp(np.abs(B).max(1))[1])[:, None, :]
+    regular = np.arange(40) != 3
+    expected = np.abs(B).sum(2).max(1)[regular] * np.abs(np.linalg.inv(B[regular])).sum(2).max(1)
+    np.testing.assert_allclose(found[regular], expected, rtol=1e-12)
+    assert found[3] == np.inf
+
+
+@built
+@pytest.mark.parametrize("method", [PrincipalPivoting(), Lemke(), Direct()])
+def test_no_lane_of_a_group_changes_another(method):
+    """Lane 5 is poisoned, lane 6 has no solution, and the others keep every bit, alone or in any company."""
+    m, n = 4, 21
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(n, m, m))
+    M, q = A @ A.transpose(0, 2, 1) + np.eye(m), rng.normal(size=(n, m))
+    clean = jax.tree.map(np.asarray, batch(method)(M, q))
+    M[5, 1, 2], M[6], q[6] = np.nan, 0, -1
+    spoilt = jax.tree.map(np.asarray, batch(method)(M, q))
+    others = ~np.isin(np.arange(n), (5, 6))
+    assert spoilt.status[5] == Status.BAD_INPUT
+    assert spoilt.status[6] != Status.SOLVED
+    assert np.isnan(spoilt.z[[5, 6]]).all()
+    for before, after in zip(jax.tree.leaves(clean), jax.tree.leaves(spoilt), strict=True):
+        assert np.array_equal(before[others], after[others])
+    alone = jax.tree.map(np.asarray, batch(method)(M[9:10], q[9:10]))
+    assert np.array_equal(alone.z[0], clean.z[9])
+
+
+@built
+def test_batches_of_batches_of_none_and_of_shared_matrices():
+    rng = np.random.default_rng(2)
+    M, q = np.eye(3) + 0.1, rng.normal(size=(2, 3, 3))
+    one = partial(solve, method=PrincipalPivoting())
+    nested = jax.vmap(jax.vmap(lambda q: one(LCP(M, q)).z))(q)
+    assert np.array_equal(nested, [[one(LCP(M, b)).z for b in row] for row in q])
+    assert jax.vmap(lambda q: one(LCP(M, q)).z)(q[0, :0]).shape == (0, 3)
+
+
+@built
+def test_a_warm_start_takes_the_pivots_of_the_code_in_jax():
+    m = 6
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(19, m, m))
+    M, q = jnp.asarray(A @ A.transpose(0, 2, 1) + np.eye(m)), jnp.asarray(rng.normal(size=(19, m)))
+    start = jnp.asarray(rng.random((19, m)))
+    warm = jax.vmap(lambda M, q, start: solve(LCP(M, q), PrincipalPivoting(), start=start))
+    by_kernel = warm(M, q, start)
+    with native.unused():
+        by_jax = warm(M, q, start)
+    assert np.array_equal(by_kernel.steps, by_jax.steps)
+    np.testing.assert_allclose(by_kernel.z, by_jax.z, atol=1e-12)
+
+
+def test_without_kernels_everything_works_and_the_reason_is_named(tmp_path):
+    """In a process of its own, as the choice is made when the library is loaded."""
+    script = (
+        "import jax.numpy as jnp, jaxcontact as jc; from jaxcontact import native;"
+        "print(native.reason()); print(float(jc.solve(jc.LCP(jnp.eye(1), -jnp.ones(1)), jc.Lemke()).z[0]))"
+    )
+    environment = {**os.environ, "JAXCONTACT_NATIVE": "0"}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
+    assert done.stdout.split("\n")[:2] == ["JAXCONTACT_NATIVE=0 is set", "1.0"]
+
+
+def test_no_compiler_is_said_so(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CXX", "")
+    with pytest.raises(build.CannotBuild, match="compiler"):
+        build.build()
+
+
+@built
+def test_a_compiler_that_fails_is_quoted(monkeypatch, tmp_path):
+    compiler = tmp_path / "broken"
+    compiler.write_text("#!/bin/sh\necho no such option >&2\nexit 1\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CXX", str(compiler))
+    with pytest.raises(build.CannotBuild, match="no such option"):
+        build.build()
+    assert native.build.library().exists()
