@@ -10,6 +10,7 @@ from jax import lax
 from jax.extend import core
 
 from jaxcontact.linalg.circular import cosine, has_polynomials, sine
+from jaxcontact.linalg.unrolled import milestone
 
 
 class Entries(NamedTuple):
@@ -271,6 +272,11 @@ def is_shield_call(step) -> bool:
     (inner,) = program.jaxpr.eqns
     constants = [literal(v).flat[0] for v in inner.invars if isinstance(v, core.Literal)]
     return is_shield(inner.primitive.name, constants)
+
+
+def is_milestone(step) -> bool:
+    """Whether a step is the call of `unrolled.milestone`."""
+    return step.primitive.name in ("jit", "pjit") and step.params["name"] == milestone.__name__
 
 
 # --- expensive operations behind a screen, with derivatives that are screened as well

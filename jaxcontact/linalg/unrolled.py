@@ -72,6 +72,15 @@ def _shield_jvp(primals, tangents):
     return shield(*primals), tangents[0]
 
 
+@jax.jit
+def milestone(x: Scalar) -> Scalar:
+    """x, of which little is needed to go on: where `fused` cuts a program that is too long for one loop.
+
+    Like `shield` it is one maximum; the call around it is what `fused` sees. Not to be differentiated.
+    """
+    return lax.max(x, jnp.array(jnp.finfo(x.dtype).min, x.dtype))
+
+
 def power_of_two_scale(size: Scalar) -> tuple[Scalar, Scalar]:
     """(s, 1 / s) with s a power of two near `size` >= 0, read off its exponent: scaling by s rounds nothing.
 
