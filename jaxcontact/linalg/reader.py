@@ -72,13 +72,17 @@ class Reader:
         return self._marked(program) and self._length(program) > LOOP_LIMIT
 
     def _marked(self, program) -> bool:
+        if any(map(is_milestone, program.eqns)):
+            return True
         inner = [self._opened(step) for step in program.eqns]
-        return any(map(is_milestone, program.eqns)) or any(self._marked(x.jaxpr) for x in inner if x)
+        return any(self._marked(x.jaxpr) for x in inner if x)
 
     def _length(self, program) -> float:
         return sum(self._length_of(step) for step in program.eqns)
 
     def _length_of(self, step) -> float:
+        if is_milestone(step):
+            return 1
         inner = self._opened(step)
         if inner is not None:
             return self._length(inner.jaxpr)
@@ -116,6 +120,9 @@ class Reader:
             return [self._summed_up(step, self._entries(inputs[0]))]
         if small and name == "dot_general" and not params["dimension_numbers"][1][0]:
             return [self._dot(step, *map(self._entries, inputs))]
+        if small and name == "custom_jvp_call":
+            # From the entries again, so that each argument is taken apart once, and its cotangents add up as scalars.
+            inputs = [self._entries(x) for x in inputs]
         results = _as_it_stands(program, step, inputs)
         if not is_shield_call(step):
             self.wild |= {id(x) for x in results}
@@ -202,11 +209,12 @@ class Reader:
         return self.known[key][0]
 
     def _milestone(self, x) -> Any:
-        """The same scalar, a given one or marked again."""
+        """The same scalar: a given one, marked again for a later reader, or behind a shield where none follows."""
         key = (milestone.__name__, identity(x))
         if key not in self.known:
             number = len(self.milestones)
-            result = self.given[number] if number < len(self.given) else milestone(x)
+            given = number < len(self.given)
+            result = self.given[number] if given else screened(x) if self.final else milestone(x)
             self.known[key] = (result, (x,))
             self.milestones.append(result)
         return self.known[key][0]

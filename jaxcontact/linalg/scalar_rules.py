@@ -10,7 +10,7 @@ from jax import lax
 from jax.extend import core
 
 from jaxcontact.linalg.circular import cosine, has_polynomials, sine
-from jaxcontact.linalg.unrolled import milestone
+from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
 
 
 class Entries(NamedTuple):
@@ -36,7 +36,7 @@ def entries_of(x) -> Entries:
     if concrete and not jax.dtypes.issubdtype(x.dtype, jax.dtypes.extended):
         return Entries(x.shape, x.dtype, list(np.asarray(x).reshape(-1)))
     x = jnp.asarray(x)
-    return Entries(x.shape, x.dtype, [x[i] for i in np.ndindex(x.shape)])
+    return Entries(x.shape, x.dtype, in_a_row(x))
 
 
 def whole(x):
@@ -45,10 +45,7 @@ def whole(x):
         return x
     if all(isinstance(entry, np.generic) for entry in x.flat):
         return jnp.asarray(np.array(x.flat, x.dtype).reshape(x.shape))
-    rows = [jnp.asarray(entry, x.dtype) for entry in x.flat]
-    for length in reversed(x.shape):
-        rows = [jnp.stack(rows[i : i + length]) for i in range(0, len(rows), length)]
-    return rows[0]
+    return row_of([jnp.asarray(entry, x.dtype) for entry in x.flat]).reshape(x.shape)
 
 
 def places(x: Entries) -> np.ndarray:
