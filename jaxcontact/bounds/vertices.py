@@ -21,6 +21,9 @@ MOST_VERTICES = 20_000
 SLICED_SETS = 32
 """Up to this many sets of contacts are taken as slices, which XLA fuses; beyond, as one gather."""
 
+CHUNK = 1024
+"""Lanes whose roots are found together: the slowest holds up these only, and their state stays in the cache."""
+
 CLOSE = 1e-3
 """The eigenvalue that the null vectors give replaces that of the root finder within this relative distance."""
 
@@ -102,7 +105,8 @@ def largest_vertex(problem: Reduced, xi: Array | None = None) -> tuple[Array, Ar
 
 def _set_radius(N: Array, T: Array, box: Box) -> tuple[Array, Array]:
     # The barriers keep XLA from fusing the stages into one program, which would take it minutes to compile.
-    return radius_in_box(balanced(lax.optimization_barrier(coupling(N, T)[: T.shape[1]])), box)
+    X = balanced(lax.optimization_barrier(coupling(N, T)[: T.shape[1]]))
+    return linalg.in_chunks(radius_in_box, CHUNK)(X, box)
 
 
 def at_vertex(problem: Reduced, value: Array, closed: Array, signs: Array) -> Array:
