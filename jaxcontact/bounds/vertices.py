@@ -122,7 +122,12 @@ def at_vertex(problem: Reduced, value: Array, closed: Array, signs: Array) -> Ar
 @jax.custom_jvp
 def eigenvalue_near(X: Array, guess: Array) -> Array:
     """The real eigenvalue of X (m, m) near a good guess: one step of Ostrowski's two-sided quotient u^T X v / u^T v."""
-    u, v, overlap = _null_vectors(X, guess)
+    return linalg.fused(_quotient, final=True)(X, guess)
+
+
+def _quotient(X: Array, guess: Array) -> Array:
+    u, _, v = linalg.singular_pair_min(guess * jnp.eye(X.shape[0], dtype=X.dtype) - X)
+    overlap = jnp.sum(u * v)
     improved = jnp.sum(u * _apply(X, v)) / jnp.where(overlap == 0, 1, overlap)
     sound = (overlap != 0) & (abs(improved - guess) <= CLOSE * abs(guess))
     return jnp.where(sound, improved, guess)
