@@ -86,6 +86,20 @@ def test_the_bound_of_every_mechanism_is_one_kernel_without_library_calls(mechan
     assert "while(" not in program
 
 
+def test_what_two_programs_hand_over_is_not_stored():
+    """Plain jit(vmap): the factors between `delassus` and the bound fall away, and so do their cotangents."""
+    guides = jc.mechanisms.PainleveKlein()
+
+    def bound(theta):
+        return jc.bounds.norm_ratio(jc.delassus(guides, guides.state(theta=theta)))
+
+    theta = jnp.zeros(1000)
+    for function, most in ((bound, 1), (jax.grad(bound), 2)):
+        program = jax.jit(jax.vmap(function)).lower(theta).compile().as_text()
+        assert program[program.index("ENTRY") :].count(" fusion(") <= most
+        assert "custom-call" not in program
+
+
 def test_a_long_program_is_cut_at_its_milestones():
     """Two milestones, two by two before the rest: what comes after is one more loop, with the same values."""
 

@@ -133,13 +133,10 @@ def _principal_minors(X: Array) -> list[Array]:
 
 def _expanded(minors: list[Array], value: Array, box: Box) -> list[Array]:
     """det(value - X D) at the 2^k vertices, the first index slowest: affine in each D_i, one index after the other."""
-    k = box.first.shape[0]
     found = [minors]
-    for i in range(k):
+    for ends in zip(*box, strict=True):
         halves = [(part[: len(part) // 2], part[len(part) // 2 :]) for part in found]
-        found = [
-            [value * x - side[i] * y for x, y in zip(out, within, strict=True)] for out, within in halves for side in box
-        ]
+        found = [[value * x - end * y for x, y in zip(*both, strict=True)] for both in halves for end in ends]
     return [part[0] for part in found]
 
 

@@ -104,15 +104,21 @@ def largest_vertex(problem: Reduced, xi: Array | None = None) -> tuple[Array, Ar
 
 
 def _set_radius(N: Array, T: Array, box: Box) -> tuple[Array, Array]:
-    # The barriers keep XLA from fusing the stages into one program, which would take it minutes to compile.
-    X = balanced(lax.optimization_barrier(coupling(N, T)[: T.shape[1]]))
-    return linalg.in_chunks(radius_in_box, CHUNK)(X, box)
+    return linalg.in_chunks(radius_in_box, CHUNK)(_balanced_coupling(N, T), box)
+
+
+def _balanced_coupling(N: Array, T: Array) -> Array:
+    # The barrier keeps XLA from fusing the stages into one program, which would take it minutes to compile.
+    return balanced(lax.optimization_barrier(coupling(N, T)[: T.shape[1]]))
 
 
 def at_vertex(problem: Reduced, value: Array, closed: Array, signs: Array) -> Array:
     """The eigenvalue of X S near `value` at one vertex, to full precision and differentiable."""
     N, T = square_factors(problem.N, problem.T)
     m = N.shape[1]
+    if len(problem.bilateral) == len(problem.frictional) == m:
+        # One set, whose coupling is known already: the signs do not matter to the balance.
+        return eigenvalue_near(_balanced_coupling(N, T) * signs[None, :], value)
     open_rows = jnp.eye(m, dtype=N.dtype) * (1 - closed)[None, :]
     N = jnp.concatenate([N * closed[None, :], open_rows])
     T = jnp.concatenate([T * signs[None, :], jnp.zeros((m, m), T.dtype)])
