@@ -8,6 +8,8 @@ from test_invariance import SCENES
 
 import jaxcontact as jc
 from jaxcontact.linalg import fused
+from jaxcontact.linalg.reader import LOOP_LIMIT
+from jaxcontact.linalg.unrolled import milestone
 
 X = jnp.array([0.3, -1.2, 2.5])
 
@@ -82,6 +84,37 @@ def test_the_bound_of_every_mechanism_is_one_kernel_without_library_calls(mechan
     assert program.count(" fusion(") <= 1
     assert "custom-call" not in program
     assert "while(" not in program
+
+
+def test_what_two_programs_hand_over_is_not_stored():
+    """Plain jit(vmap): the factors between `delassus` and the bound fall away, and so do their cotangents."""
+    guides = jc.mechanisms.PainleveKlein()
+
+    def bound(theta):
+        return jc.bounds.norm_ratio(jc.delassus(guides, guides.state(theta=theta)))
+
+    theta = jnp.zeros(1000)
+    for function, most in ((bound, 1), (jax.grad(bound), 2)):
+        program = jax.jit(jax.vmap(function)).lower(theta).compile().as_text()
+        assert program[program.index("ENTRY") :].count(" fusion(") <= most
+        assert "custom-call" not in program
+
+
+def test_a_long_program_is_cut_at_its_milestones():
+    """Two milestones, two by two before the rest: what comes after is one more loop, with the same values."""
+
+    def long(x):
+        first = milestone(jnp.sin(x))
+        second = milestone(first + x)
+        for _ in range(LOOP_LIMIT // 2):
+            x = x * second + first
+        return x
+
+    x = jnp.linspace(0.1, 0.2, 8)
+    traced = jax.make_jaxpr(jax.vmap(fused(long, final=True)))(x)
+    assert str(traced).count("branches=") == 1
+    np.testing.assert_allclose(jax.vmap(fused(long, final=True))(x), jax.vmap(long)(x), rtol=1e-14)
+    assert "branches=" not in str(jax.make_jaxpr(fused(milestone, final=True))(x[0]))
 
 
 @pytest.mark.parametrize("shape", [(3, 4), (1, 4), (4, 1), (0, 3)])

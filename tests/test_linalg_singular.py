@@ -143,7 +143,10 @@ SPECIAL = {
 
 @pytest.mark.parametrize(
     ("shape", "dtype"),
-    [*(((n, m), np.float64) for n, m in [(2, 1), (2, 2), (4, 2), (3, 3), (5, 3), (4, 4)]), ((3, 3), np.float32)],
+    [
+        *(((n, m), np.float64) for n, m in [(2, 1), (2, 2), (4, 2), (3, 3), (5, 3), (5, 4)]),
+        *(((m, m), np.float32) for m in (3, 4)),
+    ],
 )
 def test_singular_triples_are_valid_and_gradients_finite_where_values_repeat_or_vanish(shape, dtype):
     def everything(X):
@@ -179,7 +182,7 @@ def test_nan_in_one_entry_is_nan_in_the_values_and_stays_in_its_lane():
             assert np.isnan(values[1])
 
 
-@pytest.mark.parametrize("shape", [(2, 2), (5, 2), (3, 3), (6, 5)])
+@pytest.mark.parametrize("shape", [(2, 2), (5, 2), (3, 3), (5, 4), (6, 5)])
 def test_first_and_second_derivatives_agree_with_differences_in_forty_digits(shape):
     rng = random_for(shape)
     X, D = rng.standard_normal(shape), rng.standard_normal(shape)
@@ -204,6 +207,23 @@ def test_first_and_second_derivatives_agree_with_differences_in_forty_digits(sha
         assert abs(second - float(bend)) <= 1e-9 * (1 + abs(float(bend)))
 
 
+@pytest.mark.parametrize(("dtype", "condition"), [(np.float64, 1e10), (np.float32, 1e4)])
+def test_the_slopes_of_four_columns_are_right_to_the_condition(dtype, condition):
+    """d sigma = u^T dX v with the vectors of 40 digits, at singular values that are far apart.
+
+    A rounding of X turns u of the smallest value out of the span of the columns by roundings times the condition.
+    """
+    X = with_condition(random_for("slopes"), 6, 4, condition, dtype)
+    U, _, Vt = mpmath.svd_r(mpmath.matrix(X.astype(float).tolist()))
+    eps = np.finfo(dtype).eps
+    for value, k, bar in (
+        (linalg.singular_value_max, 0, 16 * eps),
+        (linalg.singular_value_min, 3, 16 * eps * condition),
+    ):
+        expected = np.array([[float(U[i, k] * Vt[k, j]) for j in range(4)] for i in range(6)])
+        np.testing.assert_allclose(jax.grad(value)(X), expected, rtol=0, atol=bar)
+
+
 def true_values_of(A):
     return sorted(mpmath.svd_r(A, compute_uv=False), reverse=True)
 
@@ -223,6 +243,18 @@ def test_eager_jitted_and_batched_agree(shape):
     # Not bit for bit: a compiled program may contract products with sums.
     assert jnp.allclose(batched, eager, rtol=1e-13, atol=0)
     assert jnp.allclose(jitted, eager, rtol=1e-13, atol=0)
+
+
+def test_the_slope_of_four_columns_needs_no_library_call():
+    """LAPACK takes a microsecond for each lane: sixty times the value."""
+    X = jax.ShapeDtypeStruct((1000, 5, 4), float)
+
+    def slope(X, D):
+        return jax.jvp(linalg.singular_value_min, (X,), (D,))[1]
+
+    assert "custom-call" not in jax.jit(jax.vmap(slope)).lower(X, X).as_text()
+    compiled = jax.jit(jax.vmap(linalg.fused(slope, final=True))).lower(X, X).compile().as_text()
+    assert compiled.count(" fusion(") == 1
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (6, 2), (6, 1)])

@@ -9,17 +9,21 @@ finder: no eigenvalue has to be told real from nearly real, no other eigenvalue 
 any device. The determinants of all vertices share their eliminations: 2 + 4 + ... + 2^k pivots.
 """
 
+import itertools
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import Array, lax
 
 from .. import linalg
-from ..linalg.unrolled import entries
+from ..linalg.unrolled import entries, total
 from .root import sign_change
 
 UNROLLED_LEVELS = 3
 """The last eliminations are written out branch by branch; those before double an array axis."""
+
+MINORS_LIMIT = 4
+"""Up to this order the determinants are those of the principal minors, expanded; beyond, eliminations cost less."""
 
 BALANCING_SWEEPS = 6
 """Sweeps of the diagonal scaling that leaves the radius as it is and brings the bracket closer."""
@@ -88,14 +92,62 @@ def radius_in_box(X: Array, box: Box) -> tuple[Array, Array]:
     # Both ends are moved out by a few roundings, so that the sign change lies between them.
     ends = low * (1 - 4 * eps), jnp.ones_like(low) * (1 + 4 * eps)
 
+    minors = _principal_minors(X) if len(X) <= MINORS_LIMIT else None
+
     def smallest(value):
+        if minors is not None:
+            # One number behind a wall: the bracket has ten results, each of which would repeat all determinants.
+            packed = linalg.walled(_least_packed)(minors, value, box)
+            return jnp.real(packed), jnp.imag(packed).astype(jnp.int32)
         every = _determinants(X, value, box)
         return linalg.least(every), jnp.argmin(every)
 
     value, place = sign_change(smallest, *ends, floor)
-    vertex = _vertices(box)[place]
+    vertex = _vertices(box, UNROLLED_LEVELS if minors is None else len(X))[place]
     value = jnp.where(value <= 4 * floor, 0, value) * size
     return jnp.where(usable, value, size), vertex
+
+
+def _principal_minors(X: Array) -> list[Array]:
+    """The 2^k principal minors of X (k, k); bit i from the left says whether index i is in.
+
+    Not compensated: a rounding of X moves them as much, and the eigenvalue found is refined at its vertex.
+    """
+    rows, known = entries(X), {}
+
+    def minor(rows_in, columns_in):
+        """Expanded along its first row, the minors of the others computed once."""
+        if not rows_in:
+            return jnp.ones((), X.dtype)
+        if (rows_in, columns_in) not in known:
+            terms = [
+                (-1) ** c * rows[rows_in[0]][j] * minor(rows_in[1:], columns_in[:c] + columns_in[c + 1 :])
+                for c, j in enumerate(columns_in)
+            ]
+            known[rows_in, columns_in] = total(terms)
+        return known[rows_in, columns_in]
+
+    sets = [itertools.compress(range(len(X)), bits) for bits in itertools.product((0, 1), repeat=len(X))]
+    return [minor(members, members) for members in map(tuple, sets)]
+
+
+def _expanded(minors: list[Array], value: Array, box: Box) -> list[Array]:
+    """det(value - X D) at the 2^k vertices, the first index slowest: affine in each D_i, one index after the other."""
+    found = [minors]
+    for ends in zip(*box, strict=True):
+        halves = [(part[: len(part) // 2], part[len(part) // 2 :]) for part in found]
+        found = [[value * x - end * y for x, y in zip(*both, strict=True)] for both in halves for end in ends]
+    return [part[0] for part in found]
+
+
+def _least_packed(minors: list[Array], value: Array, box: Box) -> Array:
+    """The smallest determinant, NaN if one is, and the number of its vertex, as real and imaginary part."""
+    numbers = _expanded(minors, value, box)
+    best, place = numbers[0], jnp.zeros_like(value)
+    for i, x in enumerate(numbers[1:], 1):
+        place = jnp.where(x < best, i, place)
+        best = lax.min(best, x)
+    return linalg.as_one([best, place])
 
 
 def _determinants(X: Array, value: Array, box: Box) -> Array:
@@ -128,10 +180,10 @@ def _eliminated(rows, found, value, s):
     return rest, found * pivot
 
 
-def _vertices(box: Box) -> Array:
+def _vertices(box: Box, unrolled: int) -> Array:
     """(2^k, k) vertices in the order of `_determinants`: doubled axes first (fastest), then branch by branch."""
     k = box.first.shape[0]
-    doubled = max(k - UNROLLED_LEVELS, 0)
+    doubled = max(k - unrolled, 0)
     table = []
     for leaf in range(2**k):
         branch, lane = divmod(leaf, 2**doubled)

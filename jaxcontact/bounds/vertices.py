@@ -21,6 +21,9 @@ MOST_VERTICES = 20_000
 SLICED_SETS = 32
 """Up to this many sets of contacts are taken as slices, which XLA fuses; beyond, as one gather."""
 
+CHUNK = 1024
+"""Lanes whose roots are found together: the slowest holds up these only, and their state stays in the cache."""
+
 CLOSE = 1e-3
 """The eigenvalue that the null vectors give replaces that of the root finder within this relative distance."""
 
@@ -101,14 +104,21 @@ def largest_vertex(problem: Reduced, xi: Array | None = None) -> tuple[Array, Ar
 
 
 def _set_radius(N: Array, T: Array, box: Box) -> tuple[Array, Array]:
-    # The barriers keep XLA from fusing the stages into one program, which would take it minutes to compile.
-    return radius_in_box(balanced(lax.optimization_barrier(coupling(N, T)[: T.shape[1]])), box)
+    return linalg.in_chunks(radius_in_box, CHUNK)(_balanced_coupling(N, T), box)
+
+
+def _balanced_coupling(N: Array, T: Array) -> Array:
+    # The barrier keeps XLA from fusing the stages into one program, which would take it minutes to compile.
+    return balanced(lax.optimization_barrier(coupling(N, T)[: T.shape[1]]))
 
 
 def at_vertex(problem: Reduced, value: Array, closed: Array, signs: Array) -> Array:
     """The eigenvalue of X S near `value` at one vertex, to full precision and differentiable."""
     N, T = square_factors(problem.N, problem.T)
     m = N.shape[1]
+    if len(problem.bilateral) == len(problem.frictional) == m:
+        # One set, whose coupling is known already: the signs do not matter to the balance.
+        return eigenvalue_near(_balanced_coupling(N, T) * signs[None, :], value)
     open_rows = jnp.eye(m, dtype=N.dtype) * (1 - closed)[None, :]
     N = jnp.concatenate([N * closed[None, :], open_rows])
     T = jnp.concatenate([T * signs[None, :], jnp.zeros((m, m), T.dtype)])
@@ -118,7 +128,12 @@ def at_vertex(problem: Reduced, value: Array, closed: Array, signs: Array) -> Ar
 @jax.custom_jvp
 def eigenvalue_near(X: Array, guess: Array) -> Array:
     """The real eigenvalue of X (m, m) near a good guess: one step of Ostrowski's two-sided quotient u^T X v / u^T v."""
-    u, v, overlap = _null_vectors(X, guess)
+    return linalg.fused(_quotient, final=True)(X, guess)
+
+
+def _quotient(X: Array, guess: Array) -> Array:
+    u, _, v = linalg.singular_pair_min(guess * jnp.eye(X.shape[0], dtype=X.dtype) - X)
+    overlap = jnp.sum(u * v)
     improved = jnp.sum(u * _apply(X, v)) / jnp.where(overlap == 0, 1, overlap)
     sound = (overlap != 0) & (abs(improved - guess) <= CLOSE * abs(guess))
     return jnp.where(sound, improved, guess)

@@ -1,8 +1,7 @@
 """Extreme singular values and vectors of one matrix by the way that fits its size; no derivatives yet.
 
-Up to three columns closed forms; at four unrolled rotations for the values, whose program would take too long to
-compile with the vectors; beyond, and for those, the library's decomposition. More rows than are worth unrolling are
-first made triangular by the library. All matrices here have n >= m >= 1.
+Up to three columns closed forms; at four unrolled rotations; beyond, the library's decomposition. More rows than are
+worth unrolling are first made triangular by the library. All matrices here have n >= m >= 1.
 """
 
 import jax
@@ -44,7 +43,7 @@ def triple_min(X: jax.Array) -> Triple:
 
 
 def _triple(X: jax.Array, name: str, place: int) -> Triple:
-    if X.shape[1] > closed.CLOSED_LIMIT:
+    if not _unrolls(X):
         U, s, Vt = jnp.linalg.svd(X, full_matrices=False)
         return U[:, place], s[place], Vt[place]
     if X.shape[0] > UNROLL_LIMIT:
@@ -52,7 +51,7 @@ def _triple(X: jax.Array, name: str, place: int) -> Triple:
         u, sigma, v = _triple(R, name, place)
         return jnp.dot(Q, u, precision=lax.Precision.HIGHEST), sigma, v
     cols, scale = _scaled_columns(X)
-    u, sigma, v = getattr(closed, name)(cols)
+    u, sigma, v = getattr(_method(X), name)(cols)
     return jnp.stack(u), scale * sigma, jnp.stack(v)
 
 
@@ -61,7 +60,7 @@ def _unrolls(X: jax.Array) -> bool:
 
 
 def _method(X: jax.Array):
-    """The module whose max_value and min_value treat this number of columns."""
+    """The module whose values and triples treat this number of columns."""
     return closed if X.shape[1] <= closed.CLOSED_LIMIT else rotations
 
 

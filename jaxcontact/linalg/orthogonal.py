@@ -1,4 +1,4 @@
-"""Gram-Schmidt on a few columns of scalars, with the rounding errors of each first projection carried along."""
+"""Orthonormal bases of a few columns of scalars: Gram-Schmidt with compensated projections, and reflections."""
 
 import jax
 import jax.numpy as jnp
@@ -81,6 +81,40 @@ def unit_normal(E: list[Column], like: Column) -> Column:
     for w, weight in reversed(reflections):
         axis = _reflected(w, weight, axis)
     return axis
+
+
+Reflection = tuple[Column, Scalar]
+"""(w, weight): x - w (w^T x) weight, for w with zeros in front left out."""
+
+
+def triangular(cols: list[Column]) -> tuple[list[Column], list[Reflection]]:
+    """(R (m, m) upper triangular, by rows, the reflections) of m columns of n >= m (Householder).
+
+    The reflections are orthogonal to rounding whatever the columns; a column that depends on the earlier ones leaves a
+    zero, or what is rounded, in the diagonal of R.
+    """
+    rest, R, reflections = [list(col) for col in cols], [], []
+    zero = jnp.zeros_like(cols[0][0])
+    for i in range(len(cols)):
+        q, rest = rest[0], rest[1:]
+        length = shield(jnp.sqrt(inner(q, q)))
+        turned = jnp.where(q[0] >= 0, -length, length)
+        w = [q[0] - turned, *q[1:]]
+        half_square = length * (length + lax.abs(q[0]))
+        nothing = half_square == 0
+        weight = shield(jnp.where(nothing, 0, 1 / jnp.where(nothing, 1, half_square)))
+        rest = [_reflected(w, weight, x) for x in rest]
+        reflections.append((w, weight))
+        R.append([zero] * i + [turned] + [x[0] for x in rest])
+        rest = [x[1:] for x in rest]
+    return R, reflections
+
+
+def turned_back(reflections: list[Reflection], x: Column) -> Column:
+    """The vector that the reflections of `triangular`, in their order, turn into x."""
+    for i, (w, weight) in reversed(list(enumerate(reflections))):
+        x = x[:i] + _reflected(w, weight, x[i:])
+    return x
 
 
 def _reflected(w: Column, weight: Scalar, x: Column) -> Column:

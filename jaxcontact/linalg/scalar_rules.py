@@ -10,6 +10,7 @@ from jax import lax
 from jax.extend import core
 
 from jaxcontact.linalg.circular import cosine, has_polynomials, sine
+from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
 
 
 class Entries(NamedTuple):
@@ -35,7 +36,7 @@ def entries_of(x) -> Entries:
     if concrete and not jax.dtypes.issubdtype(x.dtype, jax.dtypes.extended):
         return Entries(x.shape, x.dtype, list(np.asarray(x).reshape(-1)))
     x = jnp.asarray(x)
-    return Entries(x.shape, x.dtype, [x[i] for i in np.ndindex(x.shape)])
+    return Entries(x.shape, x.dtype, in_a_row(x))
 
 
 def whole(x):
@@ -44,10 +45,7 @@ def whole(x):
         return x
     if all(isinstance(entry, np.generic) for entry in x.flat):
         return jnp.asarray(np.array(x.flat, x.dtype).reshape(x.shape))
-    rows = [jnp.asarray(entry, x.dtype) for entry in x.flat]
-    for length in reversed(x.shape):
-        rows = [jnp.stack(rows[i : i + length]) for i in range(0, len(rows), length)]
-    return rows[0]
+    return row_of([jnp.asarray(entry, x.dtype) for entry in x.flat]).reshape(x.shape)
 
 
 def places(x: Entries) -> np.ndarray:
@@ -271,6 +269,11 @@ def is_shield_call(step) -> bool:
     (inner,) = program.jaxpr.eqns
     constants = [literal(v).flat[0] for v in inner.invars if isinstance(v, core.Literal)]
     return is_shield(inner.primitive.name, constants)
+
+
+def is_milestone(step) -> bool:
+    """Whether a step is the call of `unrolled.milestone`."""
+    return step.primitive.name in ("jit", "pjit") and step.params["name"] == milestone.__name__
 
 
 # --- expensive operations behind a screen, with derivatives that are screened as well

@@ -8,32 +8,49 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.linalg.batches import walled
+
 Scalar = jax.Array
 
 UNROLL_LIMIT = 8
 """Largest number of rows or columns that is unrolled on scalars; beyond it compile time grows faster than speed."""
 
 
+def in_a_row(A: jax.Array) -> list[Scalar]:
+    """All entries, row by row: of one long row, which is how matrices are put together here.
+
+    XLA sees through parts of a row of numbers, not through those of stacks of stacks: a matrix between two programs on
+    scalars would be stored. One split, whose transpose is one concatenation, where slices become sums of paddings.
+    """
+    return [x.reshape(()) for x in lax.split(A.reshape(-1), (1,) * A.size)] if A.size else []
+
+
+def row_of(scalars: list[Scalar]) -> jax.Array:
+    """The array (k,) of k >= 1 scalars; unlike a stack it is batched with the lanes in front, as everything else is."""
+    return lax.concatenate([lax.reshape(x, (1,)) for x in scalars], 0)
+
+
 def entries(A: jax.Array) -> list[list[Scalar]]:
     """The rows of a matrix (n, m) as lists of scalars."""
-    return [[A[i, j] for j in range(A.shape[1])] for i in range(A.shape[0])]
+    row, m = in_a_row(A), A.shape[1]
+    return [row[i * m : (i + 1) * m] for i in range(A.shape[0])]
 
 
 def columns(A: jax.Array) -> list[list[Scalar]]:
     """The columns of a matrix (n, m) as lists of scalars."""
-    return [[A[i, j] for i in range(A.shape[0])] for j in range(A.shape[1])]
+    return [[row[j] for row in entries(A)] for j in range(A.shape[1])] if A.shape[0] else [[]] * A.shape[1]
 
 
 def from_columns(cols: list[list[Scalar]], rows: int, dtype) -> jax.Array:
     """The array (rows, len(cols)) with these columns; rows and dtype settle the empty cases."""
     if rows == 0 or not cols:
         return jnp.zeros((rows, len(cols)), dtype)
-    return jnp.stack([jnp.stack([col[i] for col in cols]) for i in range(rows)])
+    return row_of([col[i] for i in range(rows) for col in cols]).reshape(rows, len(cols))
 
 
 def from_rows(rows: list[list[Scalar]]) -> jax.Array:
     """The array with these (non-empty) rows."""
-    return jnp.stack([jnp.stack(row) for row in rows])
+    return row_of([x for row in rows for x in row]).reshape(len(rows), -1)
 
 
 def total(terms: list[Scalar]) -> Scalar:
@@ -70,6 +87,15 @@ def shield(x: Scalar) -> Scalar:
 @shield.defjvp
 def _shield_jvp(primals, tangents):
     return shield(*primals), tangents[0]
+
+
+@jax.jit
+def milestone(x: Scalar) -> Scalar:
+    """x, of which little is needed to go on: where `fused` cuts a program that is too long for one loop.
+
+    `fused` sees the call; XLA a wall, where its loops end as well. Not to be differentiated.
+    """
+    return walled(lambda x: x)(x)
 
 
 def power_of_two_scale(size: Scalar) -> tuple[Scalar, Scalar]:
