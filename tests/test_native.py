@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from families import FAMILIES, fathi, murty
+from families import FAMILIES, beyond_critical, fathi, murty, near_critical, sliding
 
 from jaxcontact import native
 from jaxcontact.complementarity import LCP, Direct, Lemke, PrincipalPivoting, Status, judge, solve
@@ -19,13 +19,18 @@ from jaxcontact.native import build
 
 COMPILER = shutil.which(os.environ.get("CXX", "c++"))
 
+EXPONENTIAL = (sliding, near_critical, beyond_critical, murty, fathi)
+EXPONENTIAL_UP_TO = 9
+"""Families that take 2^m steps to draw or to solve are left out beyond this size."""
+
 built = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler here, so no kernels")
 
 
 def problems(m, dtype, seed=5, each=3):
     """M (n, m, m), q (n, m) from every family, in no order, and a number of them that fills no group of lanes."""
     rng = np.random.default_rng(seed)
-    drawn = [f(m, rng) for f in FAMILIES for _ in range(1 if f in (murty, fathi) else each)]
+    families = [f for f in FAMILIES if m <= EXPONENTIAL_UP_TO or f not in EXPONENTIAL]
+    drawn = [f(m, rng) for f in families for _ in range(1 if f in (murty, fathi) else each)]
     drawn = [drawn[k] for k in rng.permutation(len(drawn))][: len(drawn) // 8 * 8 - 3]
     return tuple(jnp.asarray(np.array(part), dtype) for part in zip(*drawn, strict=True))
 
@@ -109,12 +114,13 @@ def test_the_judges_measures_are_those_of_its_own_code(m):
         return judge(LCP(M, q), Claim(q[:0], z, z, jnp.int32(Status.SOLVED), 0 * z), kernels)
 
     by_kernel, by_jax = (jax.jit(jax.vmap(partial(verdict, kernels=k)))(M, q, z) for k in (True, False))
-    for name in ("w", "residual", "backward_error"):
-        np.testing.assert_allclose(getattr(by_kernel, name), getattr(by_jax, name), rtol=1e-12, atol=1e-12)
-    for name in ("status", "active", "degenerate"):
-        bad = ~np.isfinite(z).all(1)
-        assert np.array_equal(getattr(by_kernel, name)[~bad], getattr(by_jax, name)[~bad]), name
-    assert (np.asarray(by_kernel.status)[bad] == np.asarray(by_jax.status)[bad]).all()
+    good = np.isfinite(z).all(1)
+    for name in ("w", "residual", "backward_error"):  # the two add up the terms of a row in different orders
+        np.testing.assert_allclose(getattr(by_kernel, name)[good], getattr(by_jax, name)[good], rtol=1e-12, atol=1e-12)
+        assert not np.isfinite(np.asarray(getattr(by_kernel, name))[~good].reshape(2, -1)).all(1).any()
+    for name in ("active", "degenerate"):
+        assert np.array_equal(getattr(by_kernel, name)[good], getattr(by_jax, name)[good]), name
+    assert np.array_equal(by_kernel.status, by_jax.status)
 
 
 @built

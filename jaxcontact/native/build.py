@@ -54,7 +54,8 @@ def build() -> Path:
     try:
         with TemporaryDirectory(dir=target.parent, prefix="_kernels_") as folder:
             objects = _compiled(compiler, Path(folder))
-            _wait(_start([compiler, "-shared", *map(str, objects), "-o", str(Path(folder) / target.name)]))
+            link = _start([compiler, "-shared", *map(str, objects), "-o", str(Path(folder) / target.name)])
+            _check(link, link.communicate()[0])
             (Path(folder) / target.name).replace(target)
     except OSError as error:
         raise CannotBuild(f"{compiler} or {target.parent}: {error}") from error
@@ -67,9 +68,12 @@ def _compiled(compiler: str, folder: Path) -> list[Path]:
     """The object files, one for each kind of number, made at the same time."""
     common = [compiler, *FLAGS, "-march=native", f"-I{_headers()}", "-c", str(SOURCES / "kernels.cpp")]
     objects = [folder / f"{real}.o" for real in REALS]
-    runs = [_start([*common, f"-DJAXCONTACT_REAL={real}", "-o", str(o)]) for real, o in zip(REALS, objects, strict=True)]
-    for run in runs:
-        _wait(run)
+    runs = [
+        _start([*common, f"-DJAXCONTACT_REAL={real}", "-o", str(o)]) for real, o in zip(REALS, objects, strict=True)
+    ]
+    outputs = [run.communicate()[0] for run in runs]
+    for run, output in zip(runs, outputs, strict=True):
+        _check(run, output)
     return objects
 
 
@@ -77,8 +81,7 @@ def _start(command: list[str]) -> subprocess.Popen:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
-def _wait(run: subprocess.Popen) -> None:
-    output, _ = run.communicate()
+def _check(run: subprocess.Popen, output: str) -> None:
     if run.returncode:
         raise CannotBuild(f"{run.args[0]} failed:\n{output[-2000:]}")
 
