@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 import jax
 import jaxlib
 
+from jaxcontact import native
+
 
 def machine() -> dict:
     """Processor, cores this process may use, their load, versions, date: the line that goes with every measurement."""
@@ -19,6 +21,7 @@ def machine() -> dict:
         "python": platform.python_version(),
         "jax": jax.__version__,
         "jaxlib": jaxlib.__version__,
+        "compiled kernels": native.reason() or "in use",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

@@ -1,4 +1,4 @@
-"""The command line: `jaxcontact list | curve | atlas | figures | regimes | explain`."""
+"""The command line: `jaxcontact list | curve | atlas | figures | regimes | explain | kernels`."""
 
 import argparse
 import sys
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import jax
 
-from .commands import add_explain, add_regimes, run_atlas, run_curve, run_figures, run_list
+from .commands import add_explain, add_kernels, add_regimes, run_atlas, run_curve, run_figures, run_list
 
 MISUSE = 2  # exit code, as of argparse
 
@@ -57,7 +57,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(required=True, metavar="{list,curve,atlas,figures,regimes,explain}")
+    commands = parser.add_subparsers(required=True, metavar="{list,curve,atlas,figures,regimes,explain,kernels}")
     _add_list(commands, everywhere)
     _add_sweep(commands, everywhere, "curve", "a bound along one coordinate or parameter", run_curve)
     _add_sweep(commands, everywhere, "atlas", "a bound over two or more coordinates or parameters", run_atlas)
@@ -66,6 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     figures.set_defaults(run=run_figures)
     add_regimes(commands, everywhere)
     add_explain(commands, everywhere)
+    add_kernels(commands, everywhere)
     return parser
 
 

@@ -17,7 +17,17 @@ MAY_IMPORT = {
     "mechanisms": {"dynamics"},
     "atlas": {"linalg"},
     "figures": {"linalg", "dynamics", "complementarity", "contact", "bounds", "mechanisms", "atlas"},
-    "commands": {"linalg", "dynamics", "complementarity", "contact", "bounds", "mechanisms", "atlas", "figures"},
+    "commands": {
+        "linalg",
+        "native",
+        "dynamics",
+        "complementarity",
+        "contact",
+        "bounds",
+        "mechanisms",
+        "atlas",
+        "figures",
+    },
 }
 """Which rooms each room may import from; `__init__` and `__main__` may import all."""
 

@@ -169,7 +169,7 @@ def _loaded() -> str:
     """Load and register the kernels; what went wrong, or nothing."""
     path = library()
     if not path.exists():
-        return "they were not built for this machine; write `python -m jaxcontact.native.build`"
+        return "they were not built for this machine; write `jaxcontact kernels --build`"
     try:
         kernels = ctypes.CDLL(str(path))
     except OSError as error:

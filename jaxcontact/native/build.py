@@ -1,7 +1,7 @@
 """Building the kernels: one call of the system's C++ compiler, for this very machine.
 
-`pip install` does it where a compiler and jaxlib's headers are at hand, `python -m jaxcontact.native.build` does it in
-a source tree. Imports nothing of this package, so that the build can load it from its path.
+`pip install` does it where a compiler and jaxlib's headers are at hand, `jaxcontact kernels --build` does it later.
+Imports nothing of this package, so that the build of a wheel can load this file from its path.
 """
 
 import hashlib
@@ -9,7 +9,6 @@ import os
 import platform
 import shutil
 import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -96,8 +95,8 @@ def _headers() -> Path:
 
 
 def _fingerprint() -> str:
-    """Of the sources and of the processor: a library for others is not loaded."""
-    found = hashlib.sha256(_processor().encode())
+    """Of sources, flags and processor: a library for others is not loaded."""
+    found = hashlib.sha256("\n".join([_processor(), *FLAGS]).encode())
     for source in sorted(SOURCES.iterdir()):
         found.update(source.read_bytes())
     return found.hexdigest()[:16]
@@ -111,10 +110,3 @@ def _processor() -> str:
         lines = []
     abilities = sorted({line for line in lines if line.startswith(("flags", "Features", "isa"))})
     return "\n".join([platform.system(), platform.machine(), *(abilities or [platform.processor()])])
-
-
-if __name__ == "__main__":
-    try:
-        print(build())
-    except CannotBuild as reason:
-        sys.exit(str(reason))
