@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray
 
+from jaxcontact import native
 from jaxcontact.__main__ import main
 
 DRAWER = Path(__file__).parent / "data" / "drawer.py"
@@ -231,3 +232,12 @@ def test_explain_puts_one_configuration_in_words(capsys):
     assert "one for each of the 2 contacts" in capsys.readouterr().err
     assert main(["explain", "PainleveKlein", "--mu", "0.7"]) == 2
     assert "needs theta" in capsys.readouterr().err
+
+
+def test_the_kernels_are_in_use_or_the_reason_is_named(capsys, monkeypatch):
+    assert main(["kernels"]) == 0
+    assert capsys.readouterr().out.strip() == (f"not in use: {native.reason()}" if native.reason() else "in use")
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CXX", raising=False)
+    assert main(["kernels", "--build"]) == 2
+    assert "no C++ compiler found" in capsys.readouterr().err
