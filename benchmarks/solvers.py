@@ -2,7 +2,8 @@
 
 `python -m benchmarks solvers --sizes 1 2 4 8 --json solvers.json`. Problems are sliding contacts at half the friction
 where the matrix first fails to be positive definite, the same for every method. Compilation is timed apart. Peers
-(QuantEcon, Drake, Siconos) are measured where they are installed; they work in float64.
+(QuantEcon, Drake, Siconos) are measured where they are installed; they work in float64. Methods with a compiled kernel
+are measured with and without it.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import numpy as np
 
 from benchmarks._machine import machine
 from benchmarks._peers import available
+from jaxcontact import native
 from jaxcontact.complementarity import (
     LCP,
     Banach,
@@ -40,10 +42,13 @@ METHODS = {
 
 SIZES = (1, 2, 4, 8, 16, 32, 64)
 
-WORK = 2**20
+ALONE = ", JAX alone"
+"""What is added to the name of a method that is measured without the compiled kernels too."""
+
+WORK = 2**22
 """The batch holds WORK / m^2 problems, between the two limits below."""
 
-LEAST, MOST = 256, 65536
+LEAST, MOST = 256, 100_000
 
 REPEATS, PATIENCE = 5, 2.0
 """A time is the median of several runs, as many as fit in PATIENCE seconds, at least one and at most REPEATS."""
@@ -67,8 +72,12 @@ def main(argv: list[str]) -> None:
         for dtype in (np.float64, np.float32):
             M, q = problems(m, count, dtype)
             for name, (method, largest) in METHODS.items():
-                if m <= largest:
-                    rows.append(shown(measured(name, method, M, q)))
+                if m > largest:
+                    continue
+                rows.append(shown(measured(name, method, M, q)))
+                if native.serve(dtype) and hasattr(method, "compiled"):
+                    with native.unused():
+                        rows.append(shown(measured(name + ALONE, method, M, q)))
             if dtype is np.float64:
                 rows += [shown(measured_peer(name, loop, M, q)) for name, loop in peers.items()]
     if options.json:

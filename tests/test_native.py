@@ -13,7 +13,16 @@ import pytest
 from families import FAMILIES, beyond_critical, fathi, murty, near_critical, sliding
 
 from jaxcontact import native
-from jaxcontact.complementarity import LCP, Direct, Lemke, PrincipalPivoting, Status, judge, solve
+from jaxcontact.complementarity import (
+    LCP,
+    Direct,
+    Lemke,
+    PrincipalPivoting,
+    ProjectedGaussSeidel,
+    Status,
+    judge,
+    solve,
+)
 from jaxcontact.complementarity.judge import Claim
 from jaxcontact.native import build
 
@@ -100,6 +109,29 @@ def test_kernel_and_jax_agree_on_every_family(method, m, dtype):
     assert (kernel.active == reference.active)[solved].all()
     assert (kernel.degenerate == reference.degenerate)[solved].all()
     assert (np.isnan(kernel.z).any(1) == ~np.isin(kernel.status, (Status.SOLVED, Status.REDUNDANT))).all()
+
+
+@built
+@pytest.mark.parametrize(("m", "start"), [(3, False), (10, True)])
+def test_sweeps_are_those_of_the_code_in_jax(m, start):
+    """Ten sweeps, relaxed: the iterate to the rounding of its sums where it stays of moderate size."""
+    M, q = problems(m, np.float64)
+    guess = (jnp.abs(q) if start else None,)
+    method = ProjectedGaussSeidel(sweeps=10, relaxation=1.2)
+
+    def answer(M, q, *start):
+        return solve(LCP(M, q), method, *start)
+
+    given = (M, q, *(guess if start else ()))
+    kernel = jax.vmap(answer)(*given)
+    with native.unused():
+        reference = jax.vmap(answer)(*given)
+    assert np.array_equal(kernel.status, reference.status)
+    assert (np.asarray(kernel.status) == Status.MAX_STEPS).any()
+    moderate = np.abs(reference.attempt).max(1) < 1e3 * (1 + np.abs(q).max(1))
+    scale = np.abs(reference.attempt).max(1, keepdims=True) + 1
+    assert (np.abs(kernel.attempt - reference.attempt) <= 1e-10 * scale)[moderate].all()
+    assert (np.abs(kernel.steps - reference.steps) <= 1)[moderate].all()
 
 
 @built

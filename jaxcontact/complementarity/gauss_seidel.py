@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact import native
 from jaxcontact.complementarity.forms import normal_form
 from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
@@ -65,6 +66,11 @@ class ProjectedGaussSeidel:
         """Sweeps allowed."""
         return self.sweeps
 
+    def compiled(self, problem: LCP, start):
+        """The same sweeps by a compiled kernel."""
+        start = problem.q[:0] if start is None else start.astype(problem.q.dtype)
+        return native.gauss_seidel(problem.M, problem.q, start, self.sweeps, self.relaxation, self._target(start.dtype))
+
     def init(self, problem: LCP, start):
         """The start, or zero."""
         z = jnp.zeros_like(problem.q) if start is None else start.astype(problem.q.dtype)
@@ -96,8 +102,10 @@ class ProjectedGaussSeidel:
 
     def _measured(self, problem, z):
         error = residuals(problem, normal_form(problem), z[:0], z, z)[0]
-        target = STOP_AT * jnp.finfo(z.dtype).eps if self.tolerance is None else self.tolerance
-        return Iterate(z, error, (error <= target) | ~jnp.isfinite(error))
+        return Iterate(z, error, (error <= self._target(z.dtype)) | ~jnp.isfinite(error))
+
+    def _target(self, dtype):
+        return float(STOP_AT * jnp.finfo(dtype).eps) if self.tolerance is None else self.tolerance
 
 
 def hopeless_row(problem: LCP):

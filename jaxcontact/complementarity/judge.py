@@ -264,6 +264,7 @@ def _infeasible_somewhere(asked, problem, y):
     """`infeasible`, chunk by chunk in a batch, and only in chunks with a lane that asks."""
 
     def alone(asked, problem, y):
+        asked = asked & jnp.any(y != 0)
         return where_needed(asked, infeasible, jnp.zeros((), bool), problem, normal_form(problem), y)
 
     return in_chunks(alone, PROOF_LANES)(asked, problem, y)

@@ -1,4 +1,4 @@
-"""Compiled kernels for batches on a CPU, where they were built: pivoting methods, and what the judge measures.
+"""Compiled kernels for batches on a CPU, where they were built: methods, and what the judge measures.
 
 They are an alternative to code in JAX, never a requirement: the same steps in the same order, with the same statuses.
 JAX lowers all loops of a batch to one thread, and short vectors to loops of their own; here a problem stays in the
@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxcontact.native.build import library
 
-KERNELS = ("principal", "lemke", "direct", "findings", "condition")
+KERNELS = ("principal", "lemke", "direct", "gauss_seidel", "findings", "condition")
 
 REALS = {"float64": "double", "float32": "float"}
 
@@ -122,6 +122,17 @@ def direct(M, q) -> Answers:
     >>> direct(jnp.eye(1), -jnp.ones(1)).z     # 1
     """
     return _answers(_call("direct", [*_answer_like(q), *_findings_like(q)], M, q))
+
+
+def gauss_seidel(M, q, start, sweeps: int, relaxation: float, target: float) -> Answers:
+    """Projected Gauss-Seidel, `complementarity.gauss_seidel`; start (m,), or (0,) for zeros.
+
+    A problem rests once its backward error is at most `target`.
+
+    >>> gauss_seidel(jnp.eye(1), -jnp.ones(1), jnp.ones(0), 10, 1.0, 1e-15).z     # 1
+    """
+    options = {"sweeps": np.int64(sweeps), "relaxation": np.float64(relaxation), "target": np.float64(target)}
+    return _answers(_call("gauss_seidel", [*_answer_like(q), *_findings_like(q)], M, q, start, **options))
 
 
 def findings(M, q, z) -> Findings:

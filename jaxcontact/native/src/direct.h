@@ -166,14 +166,7 @@ void direct(const Real* M, const Real* q, int count, Real* z, Real* certificate,
   }
   scatter(group, found, count, z);
   for (int lane = 0; lane < count; ++lane) {
-    const Real *A = M + lane * m * m, *b = q + lane * m;
-    bool taken = false;
-    for (int i = 0; i < m; ++i) {
-      bool hopeless = b[i] < 0 && !taken;  // a violated row without positive entries
-      for (int j = 0; j < m; ++j) hopeless &= A[i * m + j] <= 0;
-      certificate[lane * m + i] = hopeless ? -1 : 0;
-      taken |= hopeless;
-    }
+    hopeless_row(M + lane * m * m, q + lane * m, m, certificate + lane * m);
     outcome[lane] = none[lane] ? NO_SOLUTION : INACCURATE;
   }
 }

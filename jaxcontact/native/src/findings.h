@@ -1,7 +1,7 @@
 // What the judge measures, from the caller's data: complementarity/judge.py has the definitions and the verdict.
 #pragma once
 
-#include "direct.h"
+#include "group.h"
 
 namespace jaxcontact {
 
@@ -78,88 +78,126 @@ template <class Real>
 inline void write_flags(const Real* M, const Real* q, const Real* z, int m, const Found<Real>& found) {
   const bool point = all_finite(z, m) && all_finite(found.w, m);
   *found.flags = (all_finite(M, m * m) && all_finite(q, m) ? DATA_FINITE : 0) | (point ? POINT_FINITE : 0);
-  if (!point) *found.eta = *found.rho = not_a_number<Real>;  // comparisons may have dropped it
+}
+
+// One problem made ready for `measure`: its rows padded (work.M), stiffness and balanced units of each.
+template <int S, class Real>
+void prepare(const Real* M, Workspace<Real>& work) {
+  const int m = work.m, stride = S ? S : work.stride;
+  Real *t = work.right.data(), *up = work.best.data(), *down = work.ratio.data();
+  row_exponents(M, m, work.rows.data());
+  for (int i = 0; i < m; ++i) {
+    copy_row<S>(M + i * m, m, stride, work.M.data() + i * stride);
+    t[i] = stiffness_of(M + i * m, i, m);
+    up[i] = power_of_two<Real>(work.rows[i]);
+    down[i] = power_of_two<Real>(-work.rows[i]);
+  }
+}
+
+// A point x (padded) of that problem.
+template <int S, class Real>
+void measure(const Real* q, const Real* x, Workspace<Real>& work, const Found<Real>& found) {
+  const int m = work.m, stride = S ? S : work.stride;
+  Real* terms = work.column.data();
+  for (int i = 0; i < m; ++i) {
+    const Real* row = work.M.data() + i * stride;
+    Lanes<Real> sum{}, size{};
+    for (int j = 0; j < stride; j += Format<Real>::width) {
+      const Lanes<Real> product = lanes_at(row + j) * lanes_at(x + j);
+      sum += product;
+      size += size_of_lanes(product);
+    }
+    found.w[i] = q[i] + sum_of_lanes(sum);
+    terms[i] = size_of(q[i]) + sum_of_lanes(size);
+  }
+  measured(m, JudgeRules::degeneracy * eps<Real>, q, x, found.w, terms, work.right.data(), work.best.data(),
+           work.ratio.data(), found.eta, found.rho, found.active, found.degenerate);
+  if (!all_finite(x, m) || !all_finite(found.w, m))
+    *found.eta = *found.rho = not_a_number<Real>;  // may be dropped above
 }
 
 // One problem of any size.
 template <int S, class Real>
 void findings(const Real* M, const Real* q, const Real* z, Workspace<Real>& work, const Found<Real>& found) {
-  const int m = work.m, stride = S ? S : work.stride;
-  Real *terms = work.column.data(), *t = work.right.data(), *up = work.best.data(), *down = work.ratio.data();
-  Real *held = work.z.data(), *row = work.miss.data();
-  for (int j = 0; j < m; ++j) held[j] = z[j];
-  row_exponents(M, m, work.rows.data());
-  for (int i = 0; i < m; ++i) {
-    copy_row<S>(M + i * m, m, stride, row);  // padded with zeros, as z is
-    Lanes<Real> sum{}, size{};
-    for (int j = 0; j < stride; j += Format<Real>::width) {
-      const Lanes<Real> product = lanes_at(row + j) * lanes_at(held + j);
-      sum += product;
-      size += size_of_lanes(product);
-    }
-    const Real total = q[i] + sum_of_lanes(sum), of_terms = size_of(q[i]) + sum_of_lanes(size);
-    found.w[i] = total;
-    terms[i] = of_terms;
-    t[i] = stiffness_of(M + i * m, i, m);
-    up[i] = power_of_two<Real>(work.rows[i]);
-    down[i] = power_of_two<Real>(-work.rows[i]);
-  }
-  measured(m, JudgeRules::degeneracy * eps<Real>, q, z, found.w, terms, t, up, down, found.eta, found.rho, found.active,
-           found.degenerate);
-  write_flags(M, q, z, m, found);
+  prepare<S>(M, work);
+  copy_row<S>(z, work.m, work.stride, work.z.data());
+  measure<S>(q, work.z.data(), work, found);
+  write_flags(M, q, z, work.m, found);
 }
+
+// A group of problems as the judge sees them: the caller's numbers, and units that make rows comparable.
+template <int m, class Real>
+struct GroupJudge {
+  using V = Lanes<Real>;
+  using K = Masks<Real>;
+  V A[m][m], load[m], t[m], up[m], down[m];
+  V w[m], eta, rho;
+  K active[m], degenerate[m], whole;
+
+  GroupJudge(const Real* M, const Real* q, int count) {
+    gather<m>(M, q, count, A, load);
+    K rows[m];
+    const K plain = row_exponents_of_lanes<m, Real>(A, rows);
+    for (int i = 0; i < m; ++i) {
+      t[i] = A[i][i];
+      up[i] = powers_of_two<Real>(rows[i]);
+      down[i] = powers_of_two<Real>(-rows[i]);
+    }
+    for (int lane = 0; lane < count; ++lane) {
+      if (plain[lane]) continue;
+      int own[m];
+      row_exponents(M + lane * m * m, m, own);
+      for (int i = 0; i < m; ++i) {
+        t[i][lane] = stiffness_of(M + lane * m * m + i * m, i, m);
+        up[i][lane] = power_of_two<Real>(own[i]);
+        down[i][lane] = power_of_two<Real>(-own[i]);
+      }
+    }
+  }
+
+  void measure(const V (&x)[m]) {
+    V terms[m], point{};  // point: zero, or NaN
+    for (int i = 0; i < m; ++i) {
+      w[i] = load[i];
+      terms[i] = size_of_lanes(load[i]);
+      for (int j = 0; j < m; ++j) {
+        const V product = A[i][j] * x[j];
+        w[i] += product;
+        terms[i] += size_of_lanes(product);
+      }
+      point += x[i] - x[i] + (w[i] - w[i]);
+    }
+    measured(m, all(JudgeRules::degeneracy * eps<Real>), load, x, w, terms, t, up, down, &eta, &rho, active,
+             degenerate);
+    whole = point == 0;
+    eta = whole ? eta : all(not_a_number<Real>);  // comparisons above may have dropped it
+    rho = whole ? rho : all(not_a_number<Real>);
+  }
+
+  void write(int count, const Found<Real>& found) const {
+    V data{};
+    for (int i = 0; i < m; ++i) {
+      for (int j = 0; j < m; ++j) data += A[i][j] - A[i][j];
+      data += load[i] - load[i];
+    }
+    const K flags = (data == 0 ? K{} + int(DATA_FINITE) : K{}) | (whole ? K{} + int(POINT_FINITE) : K{});
+    write_lanes<m>(w, count, found.w);
+    write_lanes<1>(&eta, count, found.eta);
+    write_lanes<1>(&rho, count, found.rho);
+    write_masks<m, Real>(active, count, found.active);
+    write_masks<m, Real>(degenerate, count, found.degenerate);
+    write_integers<Real>(flags, count, found.flags);
+  }
+};
 
 // `count` problems of m contacts, up to one group.
 template <int m, class Real>
 void findings_of_group(const Real* M, const Real* q, const Real* z, int count, const Found<Real>& found) {
-  using V = Lanes<Real>;
-  V A[m][m], load[m], x[m], w[m], terms[m], t[m], up[m], down[m], eta, rho;
-  Masks<Real> active[m], degenerate[m];
-  gather<m>(M, q, count, A, load);
+  Lanes<Real> x[m];
+  GroupJudge<m, Real> judge(M, q, count);
   read_lanes<m>(z, count, x);
-  Masks<Real> rows[m];
-  const Masks<Real> plain = row_exponents_of_lanes<m, Real>(A, rows);
-  for (int i = 0; i < m; ++i) {
-    t[i] = A[i][i];
-    up[i] = powers_of_two<Real>(rows[i]);
-    down[i] = powers_of_two<Real>(-rows[i]);
-  }
-  for (int lane = 0; lane < count; ++lane) {
-    if (plain[lane]) continue;
-    int own[m];
-    row_exponents(M + lane * m * m, m, own);
-    for (int i = 0; i < m; ++i) {
-      t[i][lane] = stiffness_of(M + lane * m * m + i * m, i, m);
-      up[i][lane] = power_of_two<Real>(own[i]);
-      down[i][lane] = power_of_two<Real>(-own[i]);
-    }
-  }
-  for (int i = 0; i < m; ++i) {
-    w[i] = load[i];
-    terms[i] = size_of_lanes(load[i]);
-    for (int j = 0; j < m; ++j) {
-      const V product = A[i][j] * x[j];
-      w[i] += product;
-      terms[i] += size_of_lanes(product);
-    }
-  }
-  measured(m, all(JudgeRules::degeneracy * eps<Real>), load, x, w, terms, t, up, down, &eta, &rho, active, degenerate);
-  V data{}, point{};  // zero, or NaN
-  for (int i = 0; i < m; ++i) {
-    for (int j = 0; j < m; ++j) data += A[i][j] - A[i][j];
-    data += load[i] - load[i];
-    point += x[i] - x[i] + (w[i] - w[i]);
-  }
-  const Masks<Real> flags = (data == 0 ? Masks<Real>{} + int(DATA_FINITE) : Masks<Real>{}) |
-                            (point == 0 ? Masks<Real>{} + int(POINT_FINITE) : Masks<Real>{});
-  eta = point == 0 ? eta : all(not_a_number<Real>);  // comparisons above may have dropped it
-  rho = point == 0 ? rho : all(not_a_number<Real>);
-  write_lanes<m>(w, count, found.w);
-  write_lanes<1>(&eta, count, found.eta);
-  write_lanes<1>(&rho, count, found.rho);
-  write_masks<m, Real>(active, count, found.active);
-  write_masks<m, Real>(degenerate, count, found.degenerate);
-  write_integers<Real>(flags, count, found.flags);
+  judge.measure(x);
+  judge.write(count, found);
 }
 
 // |K| |K^-1| in the largest-row-sum norm for the balanced K = M diag(held) + I diag(1 - held); infinite where K is

@@ -5,7 +5,9 @@
 #include <type_traits>
 #include <utility>
 
+#include "direct.h"
 #include "findings.h"
+#include "gauss_seidel.h"
 #include "lemke.h"
 #include "principal.h"
 #include "xla/ffi/api/ffi.h"
@@ -16,6 +18,9 @@ namespace jaxcontact {
 
 // Problems are handed out in pieces of about this many numbers of data: some twenty microseconds of work.
 constexpr int64_t PIECE = 1 << 13;
+
+// An iteration passes over its data more often than a pivoting method.
+constexpr int64_t SWEEPS_PER_PIECE = 8;
 
 // run(first, last) over pieces of [0, total) on all threads of the pool and this one. It waits only for pieces that
 // have begun, so that a full pool cannot stop it.
@@ -193,6 +198,35 @@ ffi::Error Direct(ffi::ThreadPool pool, Numbers M_, Numbers q_, JAXCONTACT_RESUL
       [](auto, int64_t, Workspace<Real>&) {});
 }
 
+ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers start_, int64_t most, double relaxation,
+                       double target, JAXCONTACT_RESULTS) {
+  const Results to = JAXCONTACT_TO;
+  const int64_t m = to.m;
+  const Sweeps sweeps{int(most), relaxation, target};
+  const Real *M = M_.typed_data(), *q = q_.typed_data();
+  const Real* start = start_.element_count() ? start_.typed_data() : nullptr;
+  const bool grouped = m <= GROUPED;
+  in_pieces(pool, problems(q_), m * m * SWEEPS_PER_PIECE, grouped ? W : 1, [=](int64_t first, int64_t last) {
+    Workspace<Real> work(int(m), 0);
+    const auto start_of = [&](int64_t b) { return start ? start + b * m : nullptr; };
+    if (grouped) {
+      with_few_contacts(int(m), [&](auto size) {
+        for (int64_t b = first; b < last; b += W)
+          gauss_seidel_lanes<size()>(M + b * m * m, q + b * m, start_of(b), int(last - b < W ? last - b : W), sweeps,
+                                     to.z + b * m, to.certificate + b * m, to.outcome + b, to.steps + b,
+                                     to.found_at(b));
+      });
+      return;
+    }
+    with_stride<Real>(work.stride, [&](auto stride) {
+      for (int64_t b = first; b < last; ++b)
+        gauss_seidel<stride()>(M + b * m * m, q + b * m, start_of(b), sweeps, work, to.z + b * m,
+                               to.certificate + b * m, to.outcome + b, to.steps + b, to.found_at(b));
+    });
+  });
+  return ffi::Error::Success();
+}
+
 ffi::Error Findings(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, ToNumbers w, ToNumbers eta, ToNumbers rho,
                     ToBooleans active, ToBooleans degenerate, ToIntegers flags) {
   const Results to{z_.typed_data(), nullptr, nullptr, nullptr, found_in(w, eta, rho, active, degenerate, flags),
@@ -251,6 +285,15 @@ XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(lemke), Lemke,
 
 XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(direct), Direct,
                               JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(gauss_seidel), GaussSeidel,
+                              JAXCONTACT_BIND.Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Attr<int64_t>("sweeps")
+                                  .Attr<double>("relaxation")
+                                  .Attr<double>("target")
+                                  .JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
 
 XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(findings), Findings,
                               JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().Arg<Numbers>().JAXCONTACT_FINDINGS);

@@ -129,4 +129,16 @@ inline void refine(Workspace<Real>& work, Correct correct) {
   for (int i = 0; i < m; ++i) z[i] = best[i];
 }
 
+// -e_i for the first violated row without positive entries, as of two immovable bodies; or zeros.
+template <class Real>
+inline void hopeless_row(const Real* M, const Real* q, int m, Real* certificate) {
+  bool taken = false;
+  for (int i = 0; i < m; ++i) {
+    bool hopeless = q[i] < 0 && !taken;
+    for (int j = 0; j < m && hopeless; ++j) hopeless = M[i * m + j] <= 0;
+    certificate[i] = hopeless ? -1 : 0;
+    taken |= hopeless;
+  }
+}
+
 }  // namespace jaxcontact
