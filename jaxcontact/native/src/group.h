@@ -202,15 +202,11 @@ inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int c
   for (int i = 0; i < m; ++i) best[i] = cut(z[i]);
   V least = violation_of_lanes(group, best, miss);
   for (int k = 0; k < corrections; ++k) {
-    V size{};
-    for (int i = 0; i < m; ++i) size = larger_lanes(size, best[i]);
-    const Masks<Real> needed = ~(least <= EXACT * eps<Real> * (1 + size));
-    if (!any_lane<Real>(needed)) break;
     violation_of_lanes(group, z, miss);
     correct(miss, z);
     for (int i = 0; i < m; ++i) held[i] = cut(z[i]);
     const V found = violation_of_lanes(group, held, miss);
-    const Masks<Real> better = needed & (found < least);
+    const Masks<Real> better = found < least;
     for (int i = 0; i < m; ++i) best[i] = better ? held[i] : best[i];
     least = better ? found : least;
   }

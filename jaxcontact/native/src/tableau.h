@@ -90,9 +90,6 @@ inline Real violation(const Real* __restrict M, const Real* __restrict q, const 
   return most;
 }
 
-// Without this many eps of violation, relative to the answer, a correction has nothing to gain.
-constexpr int EXACT = 4;
-
 // z of the caller.
 template <class Real>
 inline void unscale(const Real* x, const Real* unit, const Units& units, int m, Real* z) {
@@ -105,7 +102,8 @@ inline void unscale(const Real* x, const Real* unit, const Units& units, int m, 
   }
 }
 
-// Correction steps with the final basis, as pivoting.REFINEMENTS.
+// Correction steps with the final basis, as pivoting.REFINEMENTS. The violation is that of the worst row, and a row of
+// small terms may lose digits behind it: so none is left out because the violation is small.
 constexpr int REFINEMENTS = 2;
 
 // z (padded) replaced by the best of itself and its corrections, negative entries cut to zero before each is measured.
@@ -117,7 +115,7 @@ inline void refine(Workspace<Real>& work, Correct correct) {
   const Real *M = work.M.data(), *q = work.q.data();
   for (int i = 0; i < stride; ++i) best[i] = i < m && !(z[i] < 0) ? z[i] : 0;
   Real least = violation<S>(M, q, best, miss, m, stride);
-  for (int k = 0; k < REFINEMENTS && !(least <= EXACT * eps<Real> * (1 + largest_of(best, stride))); ++k) {
+  for (int k = 0; k < REFINEMENTS && least != 0; ++k) {
     violation<S>(M, q, z, miss, m, stride);
     correct(miss, z);
     for (int i = 0; i < stride; ++i) held[i] = i < m && !(z[i] < 0) ? z[i] : 0;
