@@ -269,7 +269,9 @@ for blocks in sizes:
 table(("contacts", "dtype", "status", "steps", "error", "seconds"), *zip(*rows))
 
 # %% [markdown]
-# The error grows with the condition of the matrix. A thousand contacts take some ten seconds (`pytest -m slow`).
+# The error grows with the condition of the matrix. A thousand of these contacts take less than a second (`pytest -m slow`). So do a
+# thousand without friction, in one column of boxes or in columns of five: pivoting gives every force as the weight above it, to 14
+# digits of the greatest; Gauss-Seidel with its thousand sweeps gives 13 in columns of five and says MAX_STEPS of the tall one.
 #
 # ## In one picture
 #

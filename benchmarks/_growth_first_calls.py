@@ -1,0 +1,144 @@
+"""First calls, timed in fresh processes: what tracing and compiling cost before the first answer.
+
+Every quantity is timed twice, each time with JAX's own caches cleared: called as it is on what it takes (operators, a
+state, a problem), and under `jax.jit` from the numbers of the mechanism on, tracing apart from compiling. The
+persistent compilation cache has a folder for each, so that nothing is found that another left there. Seconds of the
+processor stand beside those of the clock: they are what the clock says on an idle machine, or more, since XLA compiles
+with several threads.
+"""
+
+import inspect
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
+
+import jaxcontact as jc
+from benchmarks import solvers
+from jaxcontact.complementarity import LCP, Banach, Direct, Lemke, PrincipalPivoting, ProjectedGaussSeidel, solve
+from jaxcontact.mechanisms import all_mechanisms
+
+AT, SPEED, FRICTION = 0.9, 1.0, 0.2
+"""Coordinates without a default, the speed of what slides, and its friction."""
+
+METHODS = (Direct(), PrincipalPivoting(), Lemke(), ProjectedGaussSeidel(), Banach())
+SIZES = (2, 4, 8)
+DIRECT_LIMIT = 4
+
+PROBLEMS = "solve"
+"""The group of the solvers; the others are mechanisms."""
+
+AS_CALLED, JIT = "as called", "jit"
+KINDS = (f"{AS_CALLED} s", f"{JIT} s", f"{AS_CALLED} cpu s", f"{JIT} cpu s")
+
+
+def measured(quick):
+    """Rows: without the cache (while it is filled), then with it."""
+    groups = ["PainleveKlein"] if quick else [*all_mechanisms(), PROBLEMS]
+    with tempfile.TemporaryDirectory() as folder:
+        for cache in ("none", "warm"):
+            for group in groups:
+                yield from in_a_process(group, folder, cache, quick)
+
+
+def in_a_process(group, folder, cache, quick):
+    """The rows of one group, by a fresh interpreter."""
+    command = [sys.executable, "-m", __name__, group, folder, *["--quick"] * quick]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL) as run:
+        for line in run.stdout:
+            yield {"cache": cache} | json.loads(line)
+    if run.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {run.returncode}")
+
+
+def quantities(group):
+    """{name: (numbers, prepare, quantity)}: quantity(prepare(*numbers)) is what is timed."""
+    return of_solvers() if group == PROBLEMS else of_mechanism(group)
+
+
+def of_mechanism(name):
+    """Operators, every bound, all solutions, and forces where it slides."""
+    mechanism = all_mechanisms()[name]()
+    arguments = inspect.signature(mechanism.state).parameters
+    at = {name: AT for name, a in arguments.items() if a.default is inspect.Parameter.empty}
+    sliding = at | {"speed": SPEED} if "speed" in arguments else at
+    mu = FRICTION * np.array([contact.frictional for contact in mechanism.contacts], float)
+
+    def state(mechanism, at):
+        return mechanism, mechanism.state(**at)
+
+    def operators(mechanism, at):
+        return jc.delassus(mechanism, mechanism.state(**at))
+
+    made = {"delassus": ((mechanism, at), state, lambda here: jc.delassus(*here))}
+    made |= {name: ((mechanism, at), operators, bound) for name, bound in jc.bounds.by_name().items()}
+    made["solutions"] = (mechanism, at), operators, lambda here: jc.solutions(here, mu, np.ones_like(mu))
+    made["contact_forces"] = (mechanism, sliding), state, lambda here: jc.contact_forces(*here, mu)
+    return made
+
+
+def of_solvers():
+    """Every method at every size."""
+    made = {}
+    for m in SIZES:
+        M, q = solvers.problems(m, 1, np.float64)
+        for method in METHODS:
+            if m <= DIRECT_LIMIT or not isinstance(method, Direct):
+                name = f"{type(method).__name__}, {m} contacts"
+                made[name] = (M[0], q[0]), LCP, lambda problem, method=method: solve(problem, method)
+    return made
+
+
+def first_call(numbers, prepare, quantity, folder):
+    """Seconds until the first answer."""
+    numbers = jax.tree.map(jnp.asarray, numbers)
+    thing = jax.block_until_ready(prepare(*numbers))
+    forget(folder / AS_CALLED)
+    began = clocks()
+    jax.block_until_ready(quantity(thing))
+    called = clocks() - began
+    forget(folder / JIT)
+    began = clocks()
+    lowered = jax.jit(lambda *numbers: quantity(prepare(*numbers))).lower(*numbers)
+    traced = clocks()
+    lowered.compile()
+    tracing, compiling = traced - began, clocks() - traced
+    stages = {AS_CALLED: called, JIT: tracing + compiling, "jit tracing": tracing, "jit compiling": compiling}
+    return {f"{stage} s": wall for stage, (wall, _) in stages.items()} | {
+        f"{stage} cpu s": cpu for stage, (_, cpu) in stages.items()
+    }
+
+
+def clocks():
+    """Seconds: of the clock, and of the processor for all threads of this process, which other work changes less."""
+    return np.array([time.perf_counter(), time.process_time()])
+
+
+def forget(folder):
+    """Clear what JAX holds in memory; what it compiles from now on is kept in the folder."""
+    jax.clear_caches()
+    compilation_cache.reset_cache()
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+
+
+def main(group, folder, quick):
+    """Print a row of JSON for each quantity of the group."""
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    jax.block_until_ready(jax.jit(jnp.sin)(1.0))  # starts the backend
+    made = quantities(group)
+    for name in ("norm_ratio", "critical") if quick else made:
+        row = first_call(*made[name], Path(folder) / group / name)
+        print(json.dumps({"what": f"{group}: {name}"} | row), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3], "--quick" in sys.argv)
