@@ -194,6 +194,19 @@ inline V cut(V x) {
   return x < 0 ? V{} : x;
 }
 
+// `settled` of tableau.h for a group.
+template <int m, class Real>
+inline Masks<Real> settled_lanes(const Group<m, Real>& group, const Lanes<Real> (&z)[m], const Lanes<Real> (&miss)[m]) {
+  Masks<Real> all_rows = ~Masks<Real>{};
+  for (int i = 0; i < m; ++i) {
+    Lanes<Real> terms = size_of_lanes(group.q[i]);
+    for (int j = 0; j < m; ++j) terms += size_of_lanes(group.M[i][j] * z[j]);
+    const Lanes<Real> allowed = EXACT * eps<Real> * terms;
+    all_rows &= (miss[i] >= -allowed) & ((z[i] <= 0) | (miss[i] <= allowed));
+  }
+  return all_rows;
+}
+
 // `refine` of tableau.h for a group. correct(miss, z): subtract from z what the bases say of the miss.
 template <int m, class Real, class Correct>
 inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int corrections, Correct correct) {
@@ -201,12 +214,13 @@ inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int c
   V best[m], miss[m], held[m];
   for (int i = 0; i < m; ++i) best[i] = cut(z[i]);
   V least = violation_of_lanes(group, best, miss);
-  for (int k = 0; k < corrections; ++k) {
+  const Masks<Real> open = ~settled_lanes(group, best, miss);
+  for (int k = 0; k < corrections && any_lane<Real>(open); ++k) {
     violation_of_lanes(group, z, miss);
     correct(miss, z);
     for (int i = 0; i < m; ++i) held[i] = cut(z[i]);
     const V found = violation_of_lanes(group, held, miss);
-    const Masks<Real> better = found < least;
+    const Masks<Real> better = open & (found < least);  // what is settled stays as it is, in any company
     for (int i = 0; i < m; ++i) best[i] = better ? held[i] : best[i];
     least = better ? found : least;
   }

@@ -102,9 +102,28 @@ inline void unscale(const Real* x, const Real* unit, const Units& units, int m, 
   }
 }
 
-// Correction steps with the final basis, as pivoting.REFINEMENTS. The violation is that of the worst row, and a row of
-// small terms may lose digits behind it: so none is left out because the violation is small.
+// Correction steps with the final basis, as pivoting.REFINEMENTS.
 constexpr int REFINEMENTS = 2;
+
+// A row misses by no more than EXACT eps of its own terms: then nothing is left to correct. The violation does not say
+// so: it is that of the worst row, and a row of small terms may lose digits behind it.
+constexpr int EXACT = 8;
+
+// Whether every row of M z + q, with terms of that size, is settled: zero where z is not, else not negative.
+template <int S, class Real>
+inline bool settled(const Real* __restrict M, const Real* __restrict q, const Real* __restrict z,
+                    const Real* __restrict miss, int m, int stride_) {
+  const int stride = S ? S : stride_;
+  bool all = true;
+  for (int i = 0; i < m; ++i) {
+    Lanes<Real> sum{};
+    for (int j = 0; j < stride; j += Format<Real>::width)
+      sum += size_of_lanes(lanes_at(M + i * stride + j) * lanes_at(z + j));
+    const Real allowed = EXACT * eps<Real> * (size_of(q[i]) + sum_of_lanes(sum));
+    all &= z[i] > 0 ? size_of(miss[i]) <= allowed : miss[i] >= -allowed;
+  }
+  return all;
+}
 
 // z (padded) replaced by the best of itself and its corrections, negative entries cut to zero before each is measured.
 // correct(miss, z): subtract from z what the basis says of the miss.
@@ -115,7 +134,8 @@ inline void refine(Workspace<Real>& work, Correct correct) {
   const Real *M = work.M.data(), *q = work.q.data();
   for (int i = 0; i < stride; ++i) best[i] = i < m && !(z[i] < 0) ? z[i] : 0;
   Real least = violation<S>(M, q, best, miss, m, stride);
-  for (int k = 0; k < REFINEMENTS && least != 0; ++k) {
+  const int corrections = settled<S>(M, q, best, miss, m, stride) ? 0 : REFINEMENTS;
+  for (int k = 0; k < corrections; ++k) {
     violation<S>(M, q, z, miss, m, stride);
     correct(miss, z);
     for (int i = 0; i < stride; ++i) held[i] = i < m && !(z[i] < 0) ? z[i] : 0;
