@@ -11,9 +11,9 @@ import jax.numpy as jnp
 
 from jaxcontact.complementarity.forms import normal_form
 from jaxcontact.complementarity.inverse import inverse
-from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import AbsoluteValueEquation
+from jaxcontact.complementarity.residuals import residuals
 from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.status import Status
 

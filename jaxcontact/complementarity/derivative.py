@@ -23,8 +23,8 @@ from jax import lax
 from jaxcontact.complementarity.boxed import pairs_of_box
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import inverse
-from jaxcontact.complementarity.judge import classify
 from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, BoxedLCP, HorizontalLCP
+from jaxcontact.complementarity.residuals import classify
 from jaxcontact.complementarity.short import dot
 
 AT_A_KINK = 0.5

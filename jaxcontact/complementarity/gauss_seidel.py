@@ -14,9 +14,9 @@ from jax import lax
 
 from jaxcontact import native
 from jaxcontact.complementarity.forms import normal_form
-from jaxcontact.complementarity.judge import residuals
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import LCP
+from jaxcontact.complementarity.residuals import residuals
 from jaxcontact.complementarity.short import dot, first_index, rows_of
 from jaxcontact.complementarity.status import Status
 

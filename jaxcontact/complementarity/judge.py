@@ -1,13 +1,8 @@
 """The one judge: residuals recomputed from the caller's data in the caller's dtype, and the status that follows.
 
-No method is believed. Every comparison is written so that NaN fails. The residuals are those of numerics of
-complementarity: with r_i the violation of row i,
-
-    eta = max_i |min(z_i / |z|_max, w_i / s)|,   s = max_i (|M| |z| + |q|)_i      backward error
-    rho = max_i |min(t_i z_i, w_i)| / max|q|,    t_i = M_ii (or the row's size where M_ii <= 0)
-
-and for equations |r_i| / s and |r_i| / max|q|. Both are unchanged by M -> M 2^a, q -> q 2^b. SOLVED asks for a small
-eta also of the problem balanced row by row, so that no row hides behind another one's units.
+No method is believed. Every comparison is written so that NaN fails. What is measured is in `residuals`: the backward
+error eta and the residual rho. SOLVED asks for a small eta also of the problem balanced row by row, so that no row
+hides behind another one's units.
 """
 
 from typing import NamedTuple
@@ -16,21 +11,11 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact import native
-from jaxcontact.complementarity.boxed import residuals_of_box
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import analysed_inverse, condition_number
-from jaxcontact.complementarity.problems import LCP, MLCP, BoxedLCP
-from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
-from jaxcontact.complementarity.short import (
-    SCALARS,
-    counted,
-    diagonal_of,
-    dot,
-    largest,
-    largest_of_rows,
-    seldom,
-    size_dot,
-)
+from jaxcontact.complementarity.problems import LCP
+from jaxcontact.complementarity.residuals import above_zero, classify, pair_scales, residuals, slack
+from jaxcontact.complementarity.short import SCALARS, counted, dot, largest
 from jaxcontact.complementarity.status import Status
 from jaxcontact.linalg import as_one, fused, in_chunks, two_product, two_sum, walled, where_needed
 
@@ -44,9 +29,6 @@ moderate: rho is about eps times that."""
 DIGITS_OF_ABSENCE = 0.5
 """NO_SOLUTION asks that the best point misses by eta > eps^DIGITS_OF_ABSENCE, half of the digits: less may be the
 rounding of an ill-conditioned mode."""
-
-DEGENERACY_BOUND = 64
-"""z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
 
 CERTIFICATE_BOUND = 64
 """Sign errors of a certificate, relative to its load, may be CERTIFICATE_BOUND times the rounding of the products."""
@@ -251,12 +233,12 @@ def infeasible(problem, form, y):
     def error(A, scale, sign):
         product, terms = accurate_product(y, A), dot(jnp.abs(y), jnp.abs(A))
         wrong = jnp.abs(product) if sign == 0 else jnp.maximum(-sign * product, 0)
-        return largest((wrong + rounding * terms) / scale) / _above_zero(largest(jnp.abs(A) / scale[None, :]))
+        return largest((wrong + rounding * terms) / scale) / above_zero(largest(jnp.abs(A) / scale[None, :]))
 
     free = error(form.F, jnp.ones(form.F.shape[1], y.dtype), 0)
     signs = jnp.maximum(error(form.P, scale_z, 1), error(form.N, scale_w, -1))
     load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
-    allowed = CERTIFICATE_BOUND * rounding * load / _above_zero(largest(form.q))
+    allowed = CERTIFICATE_BOUND * rounding * load / above_zero(largest(form.q))
     return (load > 0) & (free <= allowed) & (signs <= allowed)
 
 
@@ -281,96 +263,3 @@ def accurate_product(y, A):
 
     zero = jnp.zeros(A.shape[1], A.dtype)
     return sum(counted(y.shape[0], add, (zero, zero)))
-
-
-def slack(problem, form, free, z, w):
-    """(m,) w as the problem defines it: M z + q where it is defined by z, else the given one."""
-    if not isinstance(problem, LCP | MLCP):
-        return w
-    k = form.F.shape[1]
-    return dot(form.P[k:], z) + dot(form.F[k:], free) + form.q[k:]
-
-
-def residuals(problem, form, free, z, w):
-    """eta, rho (scalars) of a point of the normal form, w being recomputed where z defines it; eta is the larger one of
-    the caller's and the balanced rows."""
-    w = slack(problem, form, free, z, w)
-    miss = dot(form.F, free) + dot(form.P, z) - dot(form.N, w) + form.q
-    terms = size_dot(form.F, free) + size_dot(form.P, z) + jnp.abs(form.q)
-    if isinstance(problem, LCP | MLCP):
-        k = form.F.shape[1]
-        return _residuals_of_slack(problem, form, miss[:k], terms, z, w)
-    terms = terms + size_dot(form.N, w)
-    scale_z, scale_w = pair_scales(problem, form)
-    size = jnp.maximum(largest(z * scale_z), largest(w * scale_w))
-    pair = _ratio(largest(jnp.minimum(z * scale_z, w * scale_w)), size)
-    eta, rho = jnp.maximum(_ratio(largest(miss), largest(terms)), pair), _ratio(largest(miss), largest(form.q))
-    if isinstance(problem, BoxedLCP):
-        return tuple(map(jnp.maximum, (eta, rho), residuals_of_box(problem, free)))
-    return eta, rho
-
-
-def _residuals_of_slack(problem, form, miss, terms, z, w):
-    """eta, rho where w is recomputed: equations first, then complementary pairs."""
-    k = form.F.shape[1]
-    t = stiffness(form.P[k:])
-    rho = _ratio(jnp.maximum(largest(miss), largest(jnp.minimum(t * z, w))), largest(form.q))
-    plain = _backward(miss, terms[:k], terms[k:], z, w)
-    scale_z, scale_w = pair_scales(problem, form)
-    balanced = _backward(miss, terms[:k], scale_w * terms[k:], scale_z * z, scale_w * w)
-    return jnp.maximum(plain, balanced), rho
-
-
-def stiffness(M):
-    """(m,) M_ii, or the size of the row where that is not positive, or one."""
-
-    def of_rows(M):
-        diagonal, side = diagonal_of(M), largest_of_rows(M)
-        return jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
-
-    diagonal = diagonal_of(M)
-    return seldom(~jnp.all(diagonal > 0), of_rows, diagonal, M)
-
-
-def _backward(miss, free_terms, terms, z, w):
-    s = jnp.maximum(largest(terms), largest(free_terms))
-    pairs = jnp.minimum(_ratio(z, largest(z)), _ratio(w, s))
-    return jnp.maximum(_ratio(largest(miss), s), largest(pairs))
-
-
-def pair_scales(problem, form):
-    """(m,), (m,) powers of two that make all z comparable, and all w.
-
-    Where w is a slack they undo the units of the rows, as in `scaling.row_exponents`; in horizontal form each unknown
-    is multiplied by the size of its column, so that all have the unit of q.
-    """
-    dtype = form.q.dtype
-    if isinstance(problem, LCP | MLCP):
-        rows = row_exponents(form.P[form.F.shape[1] :])
-        return power_of_two(-rows, dtype), power_of_two(rows, dtype)
-    return tuple(power_of_two(exponent(largest_of_rows(A.T)), dtype) for A in (form.P, form.N))
-
-
-def classify(problem, form, z, w):
-    """(active, degenerate), (m,) bool each: z_i positive beyond rounding; z_i and w_i both zero up to rounding."""
-    scale_z, scale_w = pair_scales(problem, form)
-    size_z, size_w = largest(z * scale_z), largest(w * scale_w)
-    if isinstance(problem, LCP | MLCP):
-        k = form.F.shape[1]
-        terms = size_dot(form.P, z)[k:] + jnp.abs(form.q[k:])
-        size_w = largest(terms * scale_w)
-    else:
-        size_z = size_w = jnp.maximum(size_z, size_w)
-    zero = DEGENERACY_BOUND * jnp.finfo(z.dtype).eps
-    part_z, part_w = _ratio(z * scale_z, size_z), _ratio(w * scale_w, size_w)
-    active = (part_z > zero) & ((part_w <= zero) | (part_z > part_w))
-    return active, (part_z <= zero) & (part_w <= zero)
-
-
-def _above_zero(x):
-    return jnp.where(x > 0, x, 1)
-
-
-def _ratio(x, size):
-    """x / size; 0 / 0 is 0, and x / 0 is x."""
-    return x / _above_zero(size)

@@ -12,7 +12,7 @@ from jaxcontact.complementarity.conversions import horizontal_as_ave
 from jaxcontact.complementarity.derivative import attach, weights
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, analysed_inverse
-from jaxcontact.complementarity.judge import Claim, judge, pair_scales, residuals
+from jaxcontact.complementarity.judge import Claim, judge
 from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.problems import (
     LCP,
@@ -25,6 +25,7 @@ from jaxcontact.complementarity.problems import (
 )
 from jaxcontact.complementarity.records import unchecked
 from jaxcontact.complementarity.reduction import reduce_to_lcp
+from jaxcontact.complementarity.residuals import pair_scales, residuals
 from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.solution import Solution
 from jaxcontact.complementarity.status import Status

@@ -68,7 +68,7 @@ def unused() -> Iterator[None]:
 
 
 class Findings(NamedTuple):
-    """What is measured of a point z of an LCP, as in `complementarity.judge`."""
+    """What is measured of a point z of an LCP, as in `complementarity.residuals`."""
 
     w: jax.Array
     """(m,) M z + q"""

@@ -1,4 +1,4 @@
-// What the judge measures, from the caller's data: complementarity/judge.py has the definitions and the verdict.
+// What the judge measures, from the caller's data: complementarity/residuals.py has the definitions, judge.py the verdict.
 #pragma once
 
 #include "group.h"
