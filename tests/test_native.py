@@ -130,7 +130,10 @@ def test_sweeps_are_those_of_the_code_in_jax(m, start):
     assert (np.asarray(kernel.status) == Status.MAX_STEPS).any()
     moderate = np.abs(reference.attempt).max(1) < 1e3 * (1 + np.abs(q).max(1))
     scale = np.abs(reference.attempt).max(1, keepdims=True) + 1
-    assert (np.abs(kernel.attempt - reference.attempt) <= 1e-10 * scale)[moderate].all()
+    # sweeps that enlarge an iterate a thousandfold enlarge its rounding, of some ten sums of m terms, as much
+    rounding = 1e3 * 10 * m * np.finfo(np.float64).eps
+    assert (np.abs(kernel.attempt - reference.attempt) <= rounding * scale)[moderate].all()
+    # the last backward error may fall on either side of the target
     assert (np.abs(kernel.steps - reference.steps) <= 1)[moderate].all()
 
 

@@ -25,9 +25,6 @@ KERNELS = ("principal", "lemke", "direct", "gauss_seidel", "findings", "conditio
 
 REALS = {"float64": "double", "float32": "float"}
 
-DIRECT_LIMIT = 4
-"""Most contacts for `direct`."""
-
 DATA_FINITE, POINT_FINITE = 1, 2
 """Bits of the flags in `findings`."""
 
@@ -117,7 +114,7 @@ def lemke(M, q, covering, budget: int) -> Answers:
 
 
 def direct(M, q) -> Answers:
-    """Every mode of up to DIRECT_LIMIT contacts, `complementarity.direct`.
+    """Every mode of up to four contacts, `complementarity.direct`, which refuses more.
 
     >>> direct(jnp.eye(1), -jnp.ones(1)).z     # 1
     """
