@@ -111,6 +111,9 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
     return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
 
 
+_terms = jax.jit(terms, inline=True)  # needed with and without derivatives, traced once
+
+
 class Seen(NamedTuple):
     """What the door looks at; `L` only says whether the mass matrix is sound."""
 
@@ -127,7 +130,7 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     seen, still, gamma, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
     clear = sound & ~jnp.any(still & (mu > 0))
     mechanism, state, mu = _differentiable_where(clear, (mechanism, state, mu))
-    parts = harmless(without_idle_directions(terms(mechanism, state), still), clear)
+    parts = harmless(without_idle_directions(_terms(mechanism, state), still), clear)
     friction = jnp.where(clear, mu * jnp.sign(parts.slip), 0)
     operators = whitened(stiffened(parts, contacts, jnp.where(clear, gamma, 0)), contacts)
     found = sliding(operators, friction)
@@ -145,7 +148,7 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
 def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Array, Array]:
     """(what is seen, contacts without slip (m,), stiffening of the mass matrix, whether all input is sound)."""
     contacts = mechanism.contacts
-    parts = terms(mechanism, state)
+    parts = _terms(mechanism, state)
     still = stands_still(contacts, parts, state)
     parts = without_idle_directions(parts, still)
     gamma, massive = stiffening(parts, contacts)

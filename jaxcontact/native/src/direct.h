@@ -165,10 +165,8 @@ void direct(const Real* M, const Real* q, int count, Real* z, Real* certificate,
                           [&](const V(&miss)[m], V(&z)[m]) { correct_in_mode<m, Real>(group, miss, z); });
   }
   scatter(group, found, count, z);
-  for (int lane = 0; lane < count; ++lane) {
-    hopeless_row(M + lane * m * m, q + lane * m, m, certificate + lane * m);
-    outcome[lane] = none[lane] ? NO_SOLUTION : INACCURATE;
-  }
+  hopeless_rows(group.M, group.q, M, q, count, certificate);
+  for (int lane = 0; lane < count; ++lane) outcome[lane] = none[lane] ? NO_SOLUTION : INACCURATE;
 }
 
 }  // namespace jaxcontact

@@ -39,8 +39,8 @@ void gauss_seidel_lanes(const Real* M, const Real* q, const Real* start, int cou
   write_lanes<m>(x, count, z);
   write_integers<Real>(going ? K{} + int(MAX_STEPS) : K{} + int(SOLVED), count, outcome);
   write_integers<Real>(taken, count, steps);
-  for (int lane = 0; lane < count; ++lane) hopeless_row(M + lane * m * m, q + lane * m, m, certificate + lane * m);
-  judge.write(count, found);
+  hopeless_rows(judge.A, judge.load, M, q, count, certificate);
+  judge.write(M, q, certificate, count, found);
 }
 
 // One problem of any size.
@@ -54,7 +54,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   for (int i = 0; i < stride; ++i) x[i] = i < m && start ? start[i] : 0;
   for (int i = 0; i < m; ++i) step[i] = M[i * m + i] > 0 ? Real(sweeps.relaxation) / M[i * m + i] : 0;
   for (*steps = 0;; ++*steps) {
-    measure<S>(q, x, work, found);
+    measure(at_point<S>(q, x, work), found);
     const bool going = is_finite(*found.eta) && !(*found.eta <= Real(sweeps.target));
     *outcome = going ? MAX_STEPS : SOLVED;
     if (!going || *steps == sweeps.most) break;
@@ -67,7 +67,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   }
   for (int i = 0; i < m; ++i) z[i] = x[i];
   hopeless_row(M, q, m, certificate);
-  write_flags(M, q, z, m, found);
+  write_flags(M, at_point<S>(q, x, work), certificate, found);
 }
 
 }  // namespace jaxcontact

@@ -227,6 +227,21 @@ inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int c
   for (int i = 0; i < m; ++i) z[i] = best[i];
 }
 
+// `hopeless_row` of each of the first `count` problems, whose rows have the signs of A and load.
+template <int m, class Real>
+inline void hopeless_rows(const Lanes<Real> (&A)[m][m], const Lanes<Real> (&load)[m], const Real* M, const Real* q,
+                          int count, Real* certificate) {
+  std::memset(certificate, 0, sizeof(Real) * m * count);
+  Masks<Real> any{};
+  for (int i = 0; i < m; ++i) {
+    Masks<Real> hopeless = load[i] < 0;
+    for (int j = 0; j < m; ++j) hopeless &= A[i][j] <= 0;
+    any |= hopeless;
+  }
+  if (!any_lane<Real>(any)) return;
+  for (int lane = 0; lane < count; ++lane) hopeless_row(M + lane * m * m, q + lane * m, m, certificate + lane * m);
+}
+
 // z of the caller, written problem by problem.
 template <int m, class Real>
 inline void scatter(const Group<m, Real>& group, const Lanes<Real> (&z)[m], int count, Real* to) {
