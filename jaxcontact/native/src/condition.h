@@ -96,9 +96,9 @@ template <int m, class Real>
 void condition_lanes(const Real* M, const bool* held, int count, Workspace<Real>& work, Real* result) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  V A[m][m], load[m];
+  V A[m][m];
   K on[m];
-  gather<m>(M, M, count, A, load);  // there is no load here
+  read_lanes<m * m>(M, count, &A[0][0]);
   const auto unit_of = [](V most) { return most > 0 ? powers_of_two<Real>(-exponents<Real>(most)) : V{} + 1; };
   for (int i = 0; i < m; ++i)
     for (int lane = 0; lane < Format<Real>::width; ++lane) on[i][lane] = -held[(lane < count ? lane : 0) * m + i];

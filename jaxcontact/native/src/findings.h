@@ -235,26 +235,25 @@ template <int m, class Real>
 struct GroupJudge {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  V A[m][m], load[m], t[m], up[m], down[m];
+  const Given<m, Real>& given;
+  V t[m], up[m], down[m];
   V x[m], w[m], terms[m], eta, rho;
   K whole;
 
-  GroupJudge(const Real* M, const Real* q, int count) {
-    gather<m>(M, q, count, A, load);
-    K rows[m];
-    const K plain = row_exponents_of_lanes<m, Real>(A, rows);
+  explicit GroupJudge(const Given<m, Real>& given) : given(given) {
     for (int i = 0; i < m; ++i) {
-      t[i] = A[i][i];
-      up[i] = powers_of_two<Real>(rows[i]);
-      down[i] = powers_of_two<Real>(-rows[i]);
+      t[i] = given.A[i][i];
+      up[i] = powers_of_two<Real>(given.rows[i]);
+      down[i] = powers_of_two<Real>(-given.rows[i]);
     }
-    if (!any_lane<Real>(~plain)) return;
-    for (int lane = 0; lane < count; ++lane) {
-      if (plain[lane]) continue;
+    if (!any_lane<Real>(~given.plain)) return;
+    for (int lane = 0; lane < given.count; ++lane) {
+      if (given.plain[lane]) continue;
       int own[m];
-      row_exponents(M + lane * m * m, m, own);
+      const Real* M = given.M + lane * m * m;
+      row_exponents(M, m, own);
       for (int i = 0; i < m; ++i) {
-        t[i][lane] = stiffness_of(M + lane * m * m + i * m, i, m);
+        t[i][lane] = stiffness_of(M + i * m, i, m);
         up[i][lane] = power_of_two<Real>(own[i]);
         down[i][lane] = power_of_two<Real>(-own[i]);
       }
@@ -264,15 +263,15 @@ struct GroupJudge {
   Point<V> at(const V (&z)[m]) {
     for (int i = 0; i < m; ++i) {
       x[i] = z[i];
-      w[i] = load[i];
-      terms[i] = size_of_lanes(load[i]);
+      w[i] = given.load[i];
+      terms[i] = size_of_lanes(w[i]);
       for (int j = 0; j < m; ++j) {
-        const V product = A[i][j] * z[j];
+        const V product = given.A[i][j] * z[j];
         w[i] += product;
         terms[i] += size_of_lanes(product);
       }
     }
-    return {m, load, x, w, terms, t, up, down};
+    return {m, given.load, x, w, terms, t, up, down};
   }
 
   void measure(const V (&z)[m]) {
@@ -284,12 +283,13 @@ struct GroupJudge {
     rho = whole ? rho : all(not_a_number<Real>);
   }
 
-  // What was measured last; the problems and their certificates once more, for lanes that need a proof.
-  void write(const Real* M, const Real* q, const Real* certificate, int count, const Found<Real>& found) const {
+  // What was measured last; certificates are looked at where a lane needs one.
+  void write(const Real* certificate, const Found<Real>& found) const {
+    const int count = given.count;
     V data{};
     for (int i = 0; i < m; ++i) {
-      for (int j = 0; j < m; ++j) data += A[i][j] - A[i][j];
-      data += load[i] - load[i];
+      for (int j = 0; j < m; ++j) data += given.A[i][j] - given.A[i][j];
+      data += given.load[i] - given.load[i];
     }
     const K flags = (data == 0 ? K{} + int(DATA_FINITE) : K{}) | (whole ? K{} + int(POINT_FINITE) : K{});
     write_lanes<1>(&eta, count, found.eta);
@@ -298,36 +298,36 @@ struct GroupJudge {
     const K doubtful = ~clear<Real>(eta, rho);
     if (!any_lane<Real>(doubtful)) return;
     for (int lane = 0; lane < count; ++lane) {
+      if (!doubtful[lane]) continue;
       Real unit_z[m], unit_w[m];
       for (int i = 0; i < m; ++i) unit_z[i] = down[i][lane], unit_w[i] = up[i][lane];
-      if (doubtful[lane] &&
-          proves<Real>(M + lane * m * m, nullptr, q + lane * m, certificate + lane * m, m, unit_z, unit_w))
+      const Real* nothing = nullptr;
+      if (proves(given.M + lane * m * m, nothing, given.q + lane * m, certificate + lane * m, m, unit_z, unit_w))
         found.flags[lane] |= PROVED;
     }
   }
 };
 
-// `count` problems of m contacts, up to one group.
+// A group at points that stand in memory.
 template <int m, class Real>
-void findings_of_group(const Real* M, const Real* q, const Real* z, const Real* certificate, int count,
-                       const Found<Real>& found) {
+void findings_of_group(const Given<m, Real>& given, const Real* z, const Real* certificate, const Found<Real>& found) {
   Lanes<Real> x[m];
-  GroupJudge<m, Real> judge(M, q, count);
-  read_lanes<m>(z, count, x);
+  GroupJudge<m, Real> judge(given);
+  read_lanes<m>(z, given.count, x);
   judge.measure(x);
-  judge.write(M, q, certificate, count, found);
+  judge.write(certificate, found);
 }
 
 template <int m, class Real>
-void classes_of_group(const Real* M, const Real* q, const Real* z, int count, const Classes<Real>& to) {
+void classes_of_group(const Given<m, Real>& given, const Real* z, const Classes<Real>& to) {
   Lanes<Real> x[m];
   Masks<Real> active[m], degenerate[m];
-  GroupJudge<m, Real> judge(M, q, count);
-  read_lanes<m>(z, count, x);
+  GroupJudge<m, Real> judge(given);
+  read_lanes<m>(z, given.count, x);
   judge.at(x).template classes<Real>(active, degenerate);
-  write_lanes<m>(judge.w, count, to.w);
-  write_masks<m, Real>(active, count, to.active);
-  write_masks<m, Real>(degenerate, count, to.degenerate);
+  write_lanes<m>(judge.w, given.count, to.w);
+  write_masks<m, Real>(active, given.count, to.active);
+  write_masks<m, Real>(degenerate, given.count, to.degenerate);
 }
 
 }  // namespace jaxcontact

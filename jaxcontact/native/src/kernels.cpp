@@ -124,7 +124,8 @@ ffi::Error over_problems(ffi::ThreadPool& pool, int64_t total, int64_t m, int64_
   return ffi::Error::Success();
 }
 
-// All problems by a method, each measured behind it; of_group and alone take the place of the certificate too.
+// All problems by a method, each measured behind it: of_group(given, b, work, certificate) and alone(stride, b, work,
+// certificate).
 template <class OfGroup, class Alone>
 ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results& to, bool grouped, int extra,
                   OfGroup of_group, Alone alone) {
@@ -134,8 +135,9 @@ ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results
       pool, problems(q_), m, 1, grouped, extra,
       [=](auto size, int64_t b, int count, Workspace<Real>& work) {
         Real* certificate = to.certificate_at(b, work);
-        of_group(size, b, count, work, certificate);
-        findings_of_group<size()>(M + b * m * m, q + b * m, to.z + b * m, certificate, count, to.found_at(b));
+        const Given<size(), Real> given(M + b * m * m, q + b * m, count);
+        of_group(given, b, work, certificate);
+        findings_of_group(given, to.z + b * m, certificate, to.found_at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         Real* certificate = to.certificate_at(b, work);
@@ -162,9 +164,8 @@ ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans want
   const bool* wanted = wanted_.element_count() ? wanted_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED && !wanted, 0,
-      [=](auto size, int64_t b, int count, Workspace<Real>&, Real* certificate) {
-        principal_lanes<size()>(M + b * m * m, q + b * m, count, budget, to.z + b * m, certificate, to.outcome + b,
-                                to.steps + b);
+      [=](const auto& given, int64_t b, Workspace<Real>&, Real* certificate) {
+        principal_lanes(given, budget, to.z + b * m, certificate, to.outcome + b, to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
         principal<stride()>(M + b * m * m, q + b * m, wanted ? wanted + b * m : nullptr, budget, work, to.z + b * m,
@@ -180,9 +181,9 @@ ffi::Error Lemke(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers covering_
   const Real* covering = covering_.element_count() ? covering_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED, 1,
-      [=](auto size, int64_t b, int count, Workspace<Real>& work, Real* certificate) {
-        lemke_lanes<size()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, count, budget, work,
-                            to.z + b * m, certificate, to.outcome + b, to.steps + b);
+      [=](const auto& given, int64_t b, Workspace<Real>& work, Real* certificate) {
+        lemke_lanes(given, covering ? covering + b * m : nullptr, budget, work, to.z + b * m, certificate,
+                    to.outcome + b, to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
         lemke<stride()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, budget, work, to.z + b * m,
@@ -193,13 +194,12 @@ ffi::Error Lemke(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers covering_
 ffi::Error Direct(ffi::ThreadPool pool, Numbers M_, Numbers q_, JAXCONTACT_RESULTS) {
   const Results to = JAXCONTACT_TO;
   const int64_t m = to.m;
-  const Real *M = M_.typed_data(), *q = q_.typed_data();
   return solved(
       pool, M_, q_, to, true, 0,
-      [=](auto size, int64_t b, int count, Workspace<Real>&, Real* certificate) {
-        if constexpr (size() <= DIRECT_LIMIT)
-          direct<size()>(M + b * m * m, q + b * m, count, to.z + b * m, certificate, to.outcome + b);
-        for (int lane = 0; lane < count; ++lane) to.steps[b + lane] = 0;
+      [=](const auto& given, int64_t b, Workspace<Real>&, Real* certificate) {
+        constexpr int size = sizeof(given.load) / sizeof(given.load[0]);
+        if constexpr (size <= DIRECT_LIMIT) direct(given, to.z + b * m, certificate, to.outcome + b);
+        for (int lane = 0; lane < given.count; ++lane) to.steps[b + lane] = 0;
       },
       [](auto...) {});
 }
@@ -214,9 +214,9 @@ ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers sta
   return over_problems(
       pool, problems(q_), m, SWEEPS_PER_PIECE, m <= GROUPED, 0,
       [=](auto size, int64_t b, int count, Workspace<Real>& work) {
-        gauss_seidel_lanes<size()>(M + b * m * m, q + b * m, start ? start + b * m : nullptr, count, sweeps,
-                                   to.z + b * m, to.certificate_at(b, work), to.outcome + b, to.steps + b,
-                                   to.found_at(b));
+        const Given<size(), Real> given(M + b * m * m, q + b * m, count);
+        gauss_seidel_lanes(given, start ? start + b * m : nullptr, sweeps, to.z + b * m, to.certificate_at(b, work),
+                           to.outcome + b, to.steps + b, to.found_at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         gauss_seidel<stride()>(M + b * m * m, q + b * m, start ? start + b * m : nullptr, sweeps, work, to.z + b * m,
@@ -245,7 +245,7 @@ ffi::Error Classify(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, To
   return over_problems(
       pool, problems(q_), m, 1, m <= GROUPED, 0,
       [=](auto size, int64_t b, int count, Workspace<Real>&) {
-        classes_of_group<size()>(M + b * m * m, q + b * m, z + b * m, count, at(b));
+        classes_of_group(Given<size(), Real>(M + b * m * m, q + b * m, count), z + b * m, at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         classes<stride()>(M + b * m * m, q + b * m, z + b * m, work, at(b));
