@@ -101,7 +101,9 @@ inline void write_masks(const Masks<Real>* from, int count, bool* to) {
 // Whole numbers, one to a problem.
 template <class Real>
 inline void write_integers(Masks<Real> from, int count, int* to) {
-  for (int lane = 0; lane < count; ++lane) to[lane] = int(from[lane]);
+  typedef int Integers __attribute__((vector_size(sizeof(int) * Format<Real>::width)));
+  const Integers found = __builtin_convertvector(from, Integers);
+  std::memcpy(to, &found, count == Format<Real>::width ? sizeof found : sizeof(int) * count);
 }
 
 // The numbers of a group as they came, and the exponents of `row_exponents` where the diagonal is positive and finite;
