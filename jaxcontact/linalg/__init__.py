@@ -1,6 +1,6 @@
 """Small dense linear algebra that batches: factors, solves, singular values."""
 
-from jaxcontact.linalg.batches import compiler_options, in_chunks, walled, where_needed
+from jaxcontact.linalg.batches import compiler_options, for_the_few, in_chunks, walled, where_needed
 from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
 from jaxcontact.linalg.decomposition import decomposition
 from jaxcontact.linalg.extrema import greatest, least
@@ -35,6 +35,7 @@ __all__ = [
     "det3",
     "dot",
     "from_one",
+    "for_the_few",
     "fused",
     "gram",
     "greatest",
