@@ -142,8 +142,8 @@ def test_sweeps_are_those_of_the_code_in_jax(m, start):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("m", [1, 2])
 def test_pairs_in_horizontal_form_agree(m, dtype):
-    """P z - N w + q = 0 of small integers, where modes are singular and nothing solves or much does, and of any numbers,
-    in units up to 2^20 apart; statuses are those of the code in JAX, and the answers solve the equations."""
+    """P z - N w + q = 0 of small integers, where modes are singular and nothing or much solves, and of any numbers, in
+    units up to 2^20 apart; statuses are those of the code in JAX, and the answers solve the equations."""
     rng = np.random.default_rng(7)
     n = 150
     P, N = rng.integers(-2, 3, (2, n, m, m)).astype(float)
