@@ -22,7 +22,9 @@ def in_a_row(A: jax.Array) -> list[Scalar]:
     XLA sees through parts of a row of numbers, not through those of stacks of stacks: a matrix between two programs on
     scalars would be stored. One split, whose transpose is one concatenation, where slices become sums of paddings.
     """
-    return [x.reshape(()) for x in lax.split(A.reshape(-1), (1,) * A.size)] if A.size else []
+    if not A.ndim:
+        return [A]
+    return [lax.reshape(x, ()) for x in lax.split(lax.reshape(A, (A.size,)), (1,) * A.size)] if A.size else []
 
 
 def row_of(scalars: list[Scalar]) -> jax.Array:
