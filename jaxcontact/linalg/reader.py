@@ -25,13 +25,12 @@ from jaxcontact.linalg.scalar_rules import (
     identity,
     is_milestone,
     is_shield,
-    is_shield_call,
     literal,
     may_be_infinite,
     places,
-    screened,
     whole,
 )
+from jaxcontact.linalg.screens import screen
 from jaxcontact.linalg.unrolled import milestone
 
 ENTRIES_LIMIT = 128
@@ -128,8 +127,7 @@ class Reader:
             # From the entries again, so that each argument is taken apart once, and its cotangents add up as scalars.
             inputs = [self._entries(x) for x in inputs]
         results = _as_it_stands(program, step, inputs)
-        if not is_shield_call(step):
-            self.wild |= {id(x) for x in results}
+        self.wild |= {id(x) for x in results}
         return results
 
     def _opened(self, step):
@@ -209,7 +207,7 @@ class Reader:
             # The operands are kept with the result: as long as they live, their identities are theirs alone.
             result = self._bind(primitive, params, operands)
             self.known[key] = (result, operands)
-            if (wild or may_be_infinite(primitive.name, params, operands)) and not is_shield(primitive.name, operands):
+            if (wild or may_be_infinite(primitive.name, params, operands)) and not is_shield(primitive.name, params):
                 self.wild.add(id(result))
         return self.known[key][0]
 
@@ -219,7 +217,7 @@ class Reader:
         if key not in self.known:
             number = len(self.milestones)
             given = number < len(self.given)
-            result = self.given[number] if given else screened(x) if self.final else milestone(x)
+            result = self.given[number] if given else screen(x) if self.final else milestone(x)
             self.known[key] = (result, (x,))
             self.milestones.append(result)
         return self.known[key][0]
@@ -234,7 +232,7 @@ class Reader:
             and primitive.name in SHIELDED
             and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating)
         ):
-            return screened(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
+            return screen(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
         return primitive.bind(*operands, **params)
 
 

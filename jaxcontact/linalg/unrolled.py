@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg.batches import walled
+from jaxcontact.linalg.screens import SHIELD, screen
 
 Scalar = jax.Array
 
@@ -76,19 +77,13 @@ def largest(terms: list[Scalar]) -> Scalar:
     return result
 
 
-@jax.custom_jvp
 def shield(x: Scalar) -> Scalar:
-    """x, behind an operation that XLA cannot drop.
+    """x, behind an operation that XLA cannot drop; for `fused` a promise that x is finite wherever that matters.
 
     XLA:CPU does not fuse an expensive producer (division, square root) that has several users; behind a cheap single
-    user it does, and the program stays one loop. The maximum with the most negative finite number passes NaN through.
+    user it does, and the program stays one loop.
     """
-    return lax.max(x, jnp.array(jnp.finfo(x.dtype).min, x.dtype))
-
-
-@shield.defjvp
-def _shield_jvp(primals, tangents):
-    return shield(*primals), tangents[0]
+    return screen(x, SHIELD)
 
 
 @jax.jit
