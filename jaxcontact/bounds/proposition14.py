@@ -80,6 +80,7 @@ class _Blocks:
     b: tuple[int, ...] = field(metadata={"static": True})
     u: tuple[int, ...] = field(metadata={"static": True})
 
+    @jax.jit
     def perturbation(self, mu_xi: Array) -> Array:
         """P_mu = M_ub^mu - M_ub^0 of (64) to (67) with errata A14 to A16, K = (I - X)^-1 - I.
 
@@ -120,10 +121,12 @@ def _blocks(operators: Delassus) -> _Blocks:
     b, u = operators.bilateral, operators.unilateral
     Nb, Nu = select_columns(operators.N, b), select_columns(operators.N, u)
     Tb, Tu = select_columns(operators.T, b), select_columns(operators.T, u)
-    Xt, Gn, Gt = (_on_factors(Nb, X) for X in (Tb, Nu, Tu))
-    N_c = linalg.project_out(Nb, Nu)
-    Db, Du = (linalg.gram(N_c, linalg.project_out(Nb, X)) for X in (Tb, Tu))
-    return _Blocks(Xt, Gn, Gt, N_c, Db, Du, b, u)
+    both = jnp.concatenate([Tb, Nu, Tu], axis=1)
+    ends = len(b), len(b) + len(u)
+    Xt, Gn, Gt = jnp.split(_on_factors(Nb, both), ends, axis=1)
+    across = linalg.project_out(Nb, both) if u else both
+    Tb, N_c, Tu = jnp.split(across, ends, axis=1)
+    return _Blocks(Xt, Gn, Gt, N_c, linalg.gram(N_c, Tb), linalg.gram(N_c, Tu), b, u)
 
 
 def _on_factors(N: Array, X: Array) -> Array:
@@ -138,28 +141,35 @@ def _excess(r: Array, direction: Array, blocks: _Blocks, reach: Array) -> Array:
 
 
 def _first_crossing(direction: Array, blocks: _Blocks, reach: Array, cap: Array) -> Array:
-    """The least r <= cap with |P(r * direction)|_2 >= reach: a scan, a bisection, and the implicit derivative."""
-
-    def excess(r):
-        return _excess(r, direction, blocks, reach)
-
+    """The least r <= cap with |P(r * direction)|_2 >= reach: a scan, then a bisection."""
     grid = lax.stop_gradient(_scan(direction, blocks, reach, cap))
-    over = ~(jax.vmap(excess)(grid) < 0)
+    over = ~(jax.vmap(_excess, (0, None, None, None))(grid, direction, blocks, reach) < 0)
     first = jnp.argmax(over)
     low, high = jnp.where(first > 0, grid[first - 1], 0), grid[first]
-
-    def bisect(f, _):
-        def halve(_, bracket):
-            low, high = bracket
-            middle = low + (high - low) / 2
-            above = f(middle) >= 0
-            return jnp.where(above, low, middle), jnp.where(above, middle, high)
-
-        steps = jnp.finfo(direction.dtype).nmant + 2
-        return lax.fori_loop(0, steps, halve, (low, high))[0]
-
-    root = lax.custom_root(excess, high, bisect, lambda g, y: y / g(jnp.ones_like(y)))
+    root = _crossing_between(low, high, direction, blocks, reach)
     return jnp.where(over[first], jnp.minimum(root, cap), cap)
+
+
+@jax.custom_jvp
+def _crossing_between(low: Array, high: Array, direction: Array, blocks: _Blocks, reach: Array) -> Array:
+    """The r between low and high with |P(r * direction)|_2 = reach, by bisection."""
+
+    def halve(_, bracket):
+        low, high = bracket
+        middle = low + (high - low) / 2
+        above = _excess(middle, direction, blocks, reach) >= 0
+        return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+    return lax.fori_loop(0, jnp.finfo(direction.dtype).nmant + 2, halve, (low, high))[0]
+
+
+@_crossing_between.defjvp
+def _crossing_between_jvp(primals, tangents):
+    """The implicit derivative; the bracket does not matter."""
+    root = _crossing_between(*primals)
+    _, slope = jax.jvp(lambda r: _excess(r, *primals[2:]), (root,), (jnp.ones_like(root),))
+    _, change = jax.jvp(lambda *given: _excess(root, *given), primals[2:], tangents[2:])
+    return root, -change / slope
 
 
 def _scan(direction: Array, blocks: _Blocks, reach: Array, cap: Array) -> Array:
