@@ -1,6 +1,7 @@
 """Proposition 14: mixed frictional contacts as a perturbation of the frictionless complementarity problem."""
 
 import itertools
+from dataclasses import dataclass, field
 from functools import partial
 
 import jax
@@ -51,12 +52,12 @@ def prop14(operators: Delassus, ratio: Array, xi: Array | None = None) -> Array:
         else bilateral.T
     )
     cap = norm_ratio_of_factors(bilateral.N, scaled)
-    blocks = _Blocks(operators)
+    blocks = _blocks(operators)
     reach = 1 / blocks.beta_2()
     if xi is not None:
-        return _first_crossing(blocks, ratio * jnp.asarray(xi, ratio.dtype), reach, cap)
+        return _first_crossing(ratio * jnp.asarray(xi, ratio.dtype), blocks, reach, cap)
     signs = jnp.asarray(_sign_vectors(operators), ratio.dtype)
-    return linalg.least(jnp.stack([_first_crossing(blocks, ratio * s, reach, cap) for s in signs]))
+    return linalg.least(jax.vmap(_first_crossing, (0, None, None, None))(ratio * signs, blocks, reach, cap))
 
 
 def _sign_vectors(operators: Delassus) -> np.ndarray:
@@ -65,18 +66,21 @@ def _sign_vectors(operators: Delassus) -> np.ndarray:
     return np.array(list(itertools.product(*choices)))
 
 
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
 class _Blocks:
     """What (62) is made of besides r, each vector split along the span of N_b (its coefficients) and across it."""
 
-    def __init__(self, operators: Delassus):
-        self.b, self.u = operators.bilateral, operators.unilateral
-        Nb, Nu = select_columns(operators.N, self.b), select_columns(operators.N, self.u)
-        Tb, Tu = select_columns(operators.T, self.b), select_columns(operators.T, self.u)
-        self.Xt, self.Gn, self.Gt = (_on_factors(Nb, X) for X in (Tb, Nu, Tu))
-        self.N_c = linalg.project_out(Nb, Nu)
-        self.Db = linalg.gram(self.N_c, linalg.project_out(Nb, Tb))
-        self.Du = linalg.gram(self.N_c, linalg.project_out(Nb, Tu))
+    Xt: Array
+    Gn: Array
+    Gt: Array
+    N_c: Array
+    Db: Array
+    Du: Array
+    b: tuple[int, ...] = field(metadata={"static": True})
+    u: tuple[int, ...] = field(metadata={"static": True})
 
+    @jax.jit
     def perturbation(self, mu_xi: Array) -> Array:
         """P_mu = M_ub^mu - M_ub^0 of (64) to (67) with errata A14 to A16, K = (I - X)^-1 - I.
 
@@ -113,37 +117,62 @@ class _Blocks:
         return linalg.singular_value_max(jnp.concatenate([jnp.concatenate([one, right], axis=1), lower]))
 
 
+def _blocks(operators: Delassus) -> _Blocks:
+    b, u = operators.bilateral, operators.unilateral
+    Nb, Nu = select_columns(operators.N, b), select_columns(operators.N, u)
+    Tb, Tu = select_columns(operators.T, b), select_columns(operators.T, u)
+    both = jnp.concatenate([Tb, Nu, Tu], axis=1)
+    ends = len(b), len(b) + len(u)
+    Xt, Gn, Gt = jnp.split(_on_factors(Nb, both), ends, axis=1)
+    across = linalg.project_out(Nb, both) if u else both
+    Tb, N_c, Tu = jnp.split(across, ends, axis=1)
+    return _Blocks(Xt, Gn, Gt, N_c, linalg.gram(N_c, Tb), linalg.gram(N_c, Tu), b, u)
+
+
 def _on_factors(N: Array, X: Array) -> Array:
     """(N^T N)^-1 N^T X, N^T N never formed; empty where N or X is."""
     return coupling(N, X) if N.shape[1] and X.shape[1] else jnp.zeros((N.shape[1], X.shape[1]), N.dtype)
 
 
-def _first_crossing(blocks: _Blocks, direction: Array, reach: Array, cap: Array) -> Array:
-    """The least r <= cap with |P(r * direction)|_2 >= reach: a scan, a bisection, and the implicit derivative."""
+@jax.jit
+def _excess(r: Array, direction: Array, blocks: _Blocks, reach: Array) -> Array:
+    """|P(r * direction)|_2 - reach."""
+    return linalg.singular_value_max(blocks.perturbation(r * direction)) - reach
 
-    def excess(r):
-        return linalg.singular_value_max(blocks.perturbation(r * direction)) - reach
 
-    grid = lax.stop_gradient(_scan(blocks, direction, reach, cap))
-    over = ~(jax.vmap(excess)(grid) < 0)
+def _first_crossing(direction: Array, blocks: _Blocks, reach: Array, cap: Array) -> Array:
+    """The least r <= cap with |P(r * direction)|_2 >= reach: a scan, then a bisection."""
+    grid = lax.stop_gradient(_scan(direction, blocks, reach, cap))
+    over = ~(jax.vmap(_excess, (0, None, None, None))(grid, direction, blocks, reach) < 0)
     first = jnp.argmax(over)
     low, high = jnp.where(first > 0, grid[first - 1], 0), grid[first]
-
-    def bisect(f, _):
-        def halve(_, bracket):
-            low, high = bracket
-            middle = low + (high - low) / 2
-            above = f(middle) >= 0
-            return jnp.where(above, low, middle), jnp.where(above, middle, high)
-
-        steps = jnp.finfo(direction.dtype).nmant + 2
-        return lax.fori_loop(0, steps, halve, (low, high))[0]
-
-    root = lax.custom_root(excess, high, bisect, lambda g, y: y / g(jnp.ones_like(y)))
+    root = _crossing_between(low, high, direction, blocks, reach)
     return jnp.where(over[first], jnp.minimum(root, cap), cap)
 
 
-def _scan(blocks: _Blocks, direction: Array, reach: Array, cap: Array) -> Array:
+@jax.custom_jvp
+def _crossing_between(low: Array, high: Array, direction: Array, blocks: _Blocks, reach: Array) -> Array:
+    """The r between low and high with |P(r * direction)|_2 = reach, by bisection."""
+
+    def halve(_, bracket):
+        low, high = bracket
+        middle = low + (high - low) / 2
+        above = _excess(middle, direction, blocks, reach) >= 0
+        return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+    return lax.fori_loop(0, jnp.finfo(direction.dtype).nmant + 2, halve, (low, high))[0]
+
+
+@_crossing_between.defjvp
+def _crossing_between_jvp(primals, tangents):
+    """The implicit derivative; the bracket does not matter."""
+    root = _crossing_between(*primals)
+    _, slope = jax.jvp(lambda r: _excess(r, *primals[2:]), (root,), (jnp.ones_like(root),))
+    _, change = jax.jvp(lambda *given: _excess(root, *given), primals[2:], tangents[2:])
+    return root, -change / slope
+
+
+def _scan(direction: Array, blocks: _Blocks, reach: Array, cap: Array) -> Array:
     """Points in geometric progression around the crossing of the linear part of P, up to the cap."""
     _, slope = jax.jvp(blocks.perturbation, (0 * direction,), (direction,))
     linear = reach / linalg.singular_value_max(slope)

@@ -2,9 +2,10 @@
 
 Equation (1a) of the tutorial with the sign of `F` used there:  M(q) a + F(q, v, t) = G lambda_n + H lambda_t.
 
-Derivatives are taken coordinate by coordinate, on separate scalars: a `jvp` in one scalar with the others closed over
-leaves only scalars behind, which XLA fuses over a batch; a one-hot basis pushed through `vmap` (`jacfwd`, `hessian`)
-would stay in the program as a small batch axis and cost ten times more.
+What the mechanism states is traced once, as a program on scalars, which is then evaluated and differentiated as often
+as needed. Derivatives are taken coordinate by coordinate: a `jvp` in one scalar with the others closed over leaves only
+scalars behind, which XLA fuses over a batch; a one-hot basis pushed through `vmap` (`jacfwd`, `hessian`) would stay in
+the program as a small batch axis and cost ten times more.
 """
 
 import inspect
@@ -14,8 +15,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
+from ..linalg.program import Program
+from ..linalg.unrolled import entries, in_a_row, row_of
 from .records import State
 
 
@@ -57,102 +61,104 @@ def terms(mechanism: Any, state: State) -> Terms:
     """
     _check_methods(mechanism)
     q, v, t = state.q, state.v, jnp.asarray(state.t, dtype=state.q.dtype)
-    gaps = _gaps(mechanism)
-    _, gap_rate = jax.jvp(gaps, (q, t), (v, jnp.ones_like(t)))
+    at, moving = in_a_row(q), in_a_row(v)
+    gaps = Program.of(_gaps(mechanism), q, t)
+    place, motion = [*at, t], [*moving, jnp.ones_like(t)]
+    energy = None if hasattr(mechanism, "mass_matrix") and state.at_rest else Program.of(_energy(mechanism), q, v)
+    slip, H = _slip(mechanism, q, v)
     return Terms(
-        M=_mass_matrix(mechanism, q, v),
-        F=_bias(mechanism, q, v, t, state.at_rest),
-        G=_gap_gradients(mechanism, q, t),
-        H=_slip_directions(mechanism, q, v),
-        c=_gap_curvature(mechanism, q, v, t, state.at_rest),
-        slip=_slip(mechanism, q, v),
-        gap=gaps(q, t),
-        gap_rate=gap_rate,
+        M=_mass_matrix(mechanism, q, energy),
+        F=_bias(mechanism, q, v, t, None if state.at_rest else energy),
+        G=_gap_gradients(mechanism, q, gaps, place),
+        H=H,
+        c=_gap_curvature(mechanism, q, v, state.at_rest, gaps, place, motion),
+        slip=slip,
+        gap=_row(gaps(place), q),
+        gap_rate=_row(gaps.derivative(place, motion), q),
     )
 
 
-def _mass_matrix(mechanism, q: Array, v: Array) -> Array:
-    """M = d^2 T / dv dv, one nested jvp per pair of coordinates; the lower triangle is the upper one mirrored."""
-    if hasattr(mechanism, "mass_matrix"):
-        n = q.shape[0]
-        return _shaped(mechanism, "mass_matrix", mechanism.mass_matrix(q), (n, n))
+def _mass_matrix(mechanism, q: Array, energy: Program | None) -> Array:
+    """M, whose i-th row is dT/dv at the i-th unit velocity, T being quadratic in v; the lower triangle is the upper one
+    mirrored."""
     n = q.shape[0]
-    energy = _of_scalars(lambda u: _shaped(mechanism, "kinetic_energy", mechanism.kinetic_energy(q, u), ()))
-    velocities = [v[i] for i in range(n)]
-    entry = {(i, j): _partial(_partial(energy, i), j)(*velocities) for i in range(n) for j in range(i, n)}
-    return jnp.stack([jnp.stack([entry[min(i, j), max(i, j)] for j in range(n)]) for i in range(n)])
+    if hasattr(mechanism, "mass_matrix"):
+        return _shaped(mechanism, "mass_matrix", mechanism.mass_matrix(q), (n, n))
+    here, unit = energy.given(in_a_row(q)), np.eye(n, dtype=q.dtype)
+    entry = {(i, j): here.partial(j, list(unit[i]))[0] for i in range(n) for j in range(i, n)}
+    return _rows([[entry[min(i, j), max(i, j)] for j in range(n)] for i in range(n)], q)
 
 
-def _bias(mechanism, q: Array, v: Array, t: Array, at_rest: bool) -> Array:
-    """F = d/dt(dT/dv) - dT/dq + dV/dq - Q at zero acceleration; at rest only dV/dq - Q is left, T being quadratic in
-    v."""
+def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None) -> Array:
+    """F = d/dt(dT/dv) - dT/dq + dV/dq - Q at zero acceleration; at rest, where no T is given, only dV/dq - Q is left,
+    T being quadratic in v."""
     n = q.shape[0]
     if hasattr(mechanism, "bias"):
         return _shaped(mechanism, "bias", mechanism.bias(q, v, t), (n,))
     bias = jnp.zeros_like(q)
-    if not at_rest:
-        bias = bias + _inertial_bias(mechanism, q, v)
+    if energy is not None:
+        bias = bias + _inertial_bias(q, v, energy)
     if hasattr(mechanism, "potential_energy"):
-        energy = _of_scalars(lambda p: _shaped(mechanism, "potential_energy", mechanism.potential_energy(p), ()))
-        bias = bias + _gradient(energy, q)
+        potential = Program.of(lambda p: _shaped(mechanism, "potential_energy", mechanism.potential_energy(p), ()), q)
+        bias = bias + _row([slope for (slope,) in potential.partials(in_a_row(q), n)], q)
     if hasattr(mechanism, "applied_force"):
         bias = bias - _shaped(mechanism, "applied_force", mechanism.applied_force(q, v, t), (n,))
     return bias
 
 
-def _inertial_bias(mechanism, q: Array, v: Array) -> Array:
+def _inertial_bias(q: Array, v: Array, energy: Program) -> Array:
     """d/dt (dT/dv_i) along q' = v, minus dT/dq_i: Coriolis and centrifugal terms."""
-    energy = _kinetic_energy(mechanism)
-    momentum = [_partial_of_second(energy, i) for i in range(q.shape[0])]
-    rate = jnp.stack([jax.jvp(lambda p, i=i: momentum[i](p, v), (q,), (v,))[1] for i in range(q.shape[0])])
-    return rate - _gradient(_of_scalars(lambda p: energy(p, v)), q)
+    n, at, moving = q.shape[0], in_a_row(q), in_a_row(v)
+
+    def momentum(*at):
+        return [energy.partial(n + i, [*at, *moving])[0] for i in range(n)]
+
+    _, rate = jax.jvp(momentum, tuple(at), tuple(moving))
+    return _row([change - slope for change, (slope,) in zip(rate, energy.partials([*at, *moving], n))], q)
 
 
-def _gap_gradients(mechanism, q: Array, t: Array) -> Array:
+def _gap_gradients(mechanism, q: Array, gaps: Program, place: list[Array]) -> Array:
+    n = q.shape[0]
     if hasattr(mechanism, "gap_gradients"):
-        return _shaped(mechanism, "gap_gradients", mechanism.gap_gradients(q), (q.shape[0], len(mechanism.contacts)))
-    gaps = _gaps(mechanism)
-    return _gradient(_of_scalars(lambda p: gaps(p, t)), q)
+        return _shaped(mechanism, "gap_gradients", mechanism.gap_gradients(q), (n, len(mechanism.contacts)))
+    return _rows(gaps.partials(place, n), q)
 
 
-def _gap_curvature(mechanism, q: Array, v: Array, t: Array, at_rest: bool) -> Array:
+def _gap_curvature(
+    mechanism, q: Array, v: Array, at_rest: bool, gaps: Program, place: list[Array], motion: list[Array]
+) -> Array:
     """c = d^2/ds^2 h(q + s v, t + s) at s = 0: zero at rest unless the constraint is driven."""
     contacts = len(mechanism.contacts)
     if hasattr(mechanism, "gap_curvature"):
         return _shaped(mechanism, "gap_curvature", mechanism.gap_curvature(q, v), (contacts,))
     if at_rest and not _driven(mechanism):
         return jnp.zeros((contacts,), q.dtype)
-    gaps, direction = _gaps(mechanism), (v, jnp.ones_like(t))
-    return jax.jvp(lambda p, s: jax.jvp(gaps, (p, s), direction)[1], (q, t), direction)[1]
+    return _row(jax.jvp(lambda *x: gaps.derivative(list(x), motion), tuple(place), tuple(motion))[1], q)
 
 
-def _slip_directions(mechanism, q: Array, v: Array) -> Array:
-    """H = (d slips / d v)^T with the columns of frictionless contacts zero, whatever `slips` says there."""
+def _slip(mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """(slip, H), H = (d slips / d v)^T; zero at frictionless contacts, whatever `slips` says there."""
     n, contacts = q.shape[0], mechanism.contacts
     if not any(contact.frictional for contact in contacts):
-        return jnp.zeros((n, len(contacts)), q.dtype)
+        return jnp.zeros((len(contacts),), q.dtype), jnp.zeros((n, len(contacts)), q.dtype)
+    slips = Program.of(lambda q, v: _shaped(mechanism, "slips", mechanism.slips(q, v), (len(contacts),)), q, v)
+    slips, moving = slips.given(in_a_row(q)), in_a_row(v)
     if hasattr(mechanism, "slip_directions"):
-        H = _shaped(mechanism, "slip_directions", mechanism.slip_directions(q), (n, len(contacts)))
+        H = entries(_shaped(mechanism, "slip_directions", mechanism.slip_directions(q), (n, len(contacts))))
     else:
-        H = _gradient(_of_scalars(lambda u: _slips(mechanism, q, u)), v)
-    return jnp.stack([_where_frictional(contacts, H[i]) for i in range(n)])
+        H = slips.partials(moving, n)
+    return _row(_frictional(contacts, slips(moving)), q), _rows([_frictional(contacts, row) for row in H], q)
 
 
-def _slip(mechanism, q: Array, v: Array) -> Array:
-    if not any(contact.frictional for contact in mechanism.contacts):
-        return jnp.zeros((len(mechanism.contacts),), q.dtype)
-    return _where_frictional(mechanism.contacts, _slips(mechanism, q, v))
+def _frictional(contacts, row: list[Array]) -> list[Array]:
+    return [x if contact.frictional else jnp.zeros_like(x) for x, contact in zip(row, contacts)]
 
 
-def _where_frictional(contacts, row: Array) -> Array:
-    zero = jnp.zeros((), row.dtype)
-    return jnp.stack([row[k] if contact.frictional else zero for k, contact in enumerate(contacts)])
-
-
-def _kinetic_energy(mechanism) -> Callable:
+def _energy(mechanism) -> Callable[[Array, Array], Array]:
+    """The kinetic energy as a function of (q, v)."""
     if hasattr(mechanism, "mass_matrix"):
         return lambda q, v: 0.5 * jnp.sum(v * jnp.sum(mechanism.mass_matrix(q) * v[None, :], axis=1))
-    return mechanism.kinetic_energy
+    return lambda q, v: _shaped(mechanism, "kinetic_energy", mechanism.kinetic_energy(q, v), ())
 
 
 def _gaps(mechanism) -> Callable[[Array, Array], Array]:
@@ -163,45 +169,16 @@ def _gaps(mechanism) -> Callable[[Array, Array], Array]:
     return lambda q, t: _shaped(mechanism, "gaps", mechanism.gaps(q), shape)
 
 
-def _slips(mechanism, q: Array, v: Array) -> Array:
-    return _shaped(mechanism, "slips", mechanism.slips(q, v), (len(mechanism.contacts),))
-
-
 def _driven(mechanism) -> bool:
     return len(inspect.signature(mechanism.gaps).parameters) > 1
 
 
-def _of_scalars(function: Callable[[Array], Array]) -> Callable[..., Array]:
-    """A function of a vector as a function of its components."""
-    return lambda *components: function(jnp.stack(components))
+def _row(scalars: list[Array], like: Array) -> Array:
+    return row_of(scalars) if scalars else jnp.zeros((0,), like.dtype)
 
 
-def _partial(function: Callable[..., Array], i: int) -> Callable[..., Array]:
-    """Derivative of a function of scalars in its i-th argument, the others closed over."""
-
-    def derivative(*components):
-        def along(x):
-            return function(*components[:i], x, *components[i + 1 :])
-
-        return jax.jvp(along, (components[i],), (jnp.ones_like(components[i]),))[1]
-
-    return derivative
-
-
-def _partial_of_second(function: Callable, i: int) -> Callable:
-    """Derivative of a function (q, v) in the i-th component of v."""
-
-    def derivative(q, v):
-        components = [v[k] for k in range(v.shape[0])]
-        return _partial(_of_scalars(lambda u: function(q, u)), i)(*components)
-
-    return derivative
-
-
-def _gradient(function: Callable[..., Array], x: Array) -> Array:
-    """Rows of partial derivatives: (n,) of a scalar function, (n, m) of a vector function."""
-    components = [x[i] for i in range(x.shape[0])]
-    return jnp.stack([_partial(function, i)(*components) for i in range(x.shape[0])])
+def _rows(rows: list[list[Array]], like: Array) -> Array:
+    return _row([x for row in rows for x in row], like).reshape(len(rows), -1 if rows and rows[0] else 0)
 
 
 def _shaped(mechanism, name: str, value: Any, shape: tuple[int, ...]) -> Array:

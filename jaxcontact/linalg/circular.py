@@ -8,6 +8,9 @@ polynomials on |r| <= pi / 4 are those of fdlibm (Sun Microsystems, 1993: k_sin.
 is moved by about a rounding of itself.
 """
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
@@ -60,6 +63,7 @@ def cosine(x: Array) -> Array:
     return _turned(x, 1)
 
 
+@partial(jax.jit, static_argnames="quarters", inline=True)
 def _turned(x: Array, quarters: int) -> Array:
     """sin(x + quarters pi / 2). The parts that sine and cosine share are the same instructions, which XLA merges."""
     size = jnp.dtype(x.dtype).itemsize

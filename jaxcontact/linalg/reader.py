@@ -25,13 +25,12 @@ from jaxcontact.linalg.scalar_rules import (
     identity,
     is_milestone,
     is_shield,
-    is_shield_call,
     literal,
     may_be_infinite,
     places,
-    screened,
     whole,
 )
+from jaxcontact.linalg.screens import screen
 from jaxcontact.linalg.unrolled import milestone
 
 ENTRIES_LIMIT = 128
@@ -52,12 +51,13 @@ LOOP_LIMIT = 5000
 class Reader:
     """Reads a program step by step; `known` remembers what has been computed, by operation and operands.
 
-    The values of the first milestones may be `given`.
+    The values of the first milestones may be `given`. In a program that is `read_again` nothing is shielded yet.
     """
 
-    def __init__(self, final: bool, given: Sequence = ()):
+    def __init__(self, final: bool, given: Sequence = (), *, read_again: bool = False):
         self.final = final
         self.given = given
+        self.read_again = read_again
         self.milestones: list = []
         self.known: dict = {}
         self.wild: set[int] = set()
@@ -86,21 +86,24 @@ class Reader:
         inner = self._opened(step)
         if inner is not None:
             return self._length(inner.jaxpr)
-        size = sum(v.aval.size for v in step.outvars)
+        if step.primitive.name in KNOWN:
+            return sum(v.aval.size if v.aval.shape else 1 for v in step.outvars)
         scalar = max(v.aval.size for v in (*step.invars, *step.outvars)) <= 1
-        plain = scalar and not list(core.jaxprs_in_params(step.params))
-        return size if plain or step.primitive.name in KNOWN else np.inf
+        return len(step.outvars) if scalar and not list(core.jaxprs_in_params(step.params)) else np.inf
 
     def run(self, program, constants, arguments) -> list:
         values = dict(zip(program.constvars, constants, strict=True))
         values |= dict(zip(program.invars, arguments, strict=True))
-        for step in program.eqns:
+        for step in _used(program):
             inputs = [literal(v) if isinstance(v, core.Literal) else values[v] for v in step.invars]
             values |= dict(zip(step.outvars, self.apply(program, step, inputs), strict=True))
         return [literal(v) if isinstance(v, core.Literal) else values[v] for v in program.outvars]
 
     def apply(self, program, step, inputs: list) -> list:
         name, params = step.primitive.name, step.params
+        if name in ELEMENTWISE and not any(v.aval.shape for v in (*step.invars, *step.outvars)):
+            operands = [self._entries(x).flat[0] for x in inputs]
+            return [Entries((), step.outvars[0].aval.dtype, [self._scalar(step.primitive, params, operands)])]
         if is_milestone(step):
             return [Entries((), step.outvars[0].aval.dtype, [self._milestone(self._entries(inputs[0]).flat[0])])]
         inner = self._opened(step)
@@ -124,8 +127,7 @@ class Reader:
             # From the entries again, so that each argument is taken apart once, and its cotangents add up as scalars.
             inputs = [self._entries(x) for x in inputs]
         results = _as_it_stands(program, step, inputs)
-        if not is_shield_call(step):
-            self.wild |= {id(x) for x in results}
+        self.wild |= {id(x) for x in results}
         return results
 
     def _opened(self, step):
@@ -195,16 +197,17 @@ class Reader:
 
     def _scalar(self, primitive, params: dict | None, operands) -> Any:
         """One scalar operation: folded, remembered, or bound; without params, a product or sum of our own."""
-        wild = any(id(x) in self.wild for x in operands)
-        folded = None if wild else FOLD.get(primitive.name, lambda *_: None)(*operands)
-        if folded is not None:
-            return folded
-        key = (primitive.name, str(params or {}), *map(identity, operands))
+        wild = bool(self.wild) and any(id(x) in self.wild for x in operands)
+        if not wild and primitive.name in FOLD:
+            folded = FOLD[primitive.name](*operands)
+            if folded is not None:
+                return folded
+        key = (primitive.name, str(params) if params else "", *map(identity, operands))
         if key not in self.known:
             # The operands are kept with the result: as long as they live, their identities are theirs alone.
             result = self._bind(primitive, params, operands)
             self.known[key] = (result, operands)
-            if (wild or may_be_infinite(primitive.name, params, operands)) and not is_shield(primitive.name, operands):
+            if (wild or may_be_infinite(primitive.name, params, operands)) and not is_shield(primitive.name, params):
                 self.wild.add(id(result))
         return self.known[key][0]
 
@@ -214,7 +217,7 @@ class Reader:
         if key not in self.known:
             number = len(self.milestones)
             given = number < len(self.given)
-            result = self.given[number] if given else screened(x) if self.final else milestone(x)
+            result = self.given[number] if given else screen(x) if self.final else milestone(x)
             self.known[key] = (result, (x,))
             self.milestones.append(result)
         return self.known[key][0]
@@ -224,9 +227,24 @@ class Reader:
             return {lax.mul_p: lax.mul, lax.add_p: lax.add}[primitive](*operands)
         if self.final and primitive.name in POLYNOMIALS and has_polynomials(operands[0].dtype):
             return POLYNOMIALS[primitive.name](jnp.asarray(operands[0]))
-        if primitive.name in SHIELDED and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating):
-            return screened(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
+        if (
+            not self.read_again
+            and primitive.name in SHIELDED
+            and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating)
+        ):
+            return screen(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
         return primitive.bind(*operands, **params)
+
+
+def _used(program) -> list:
+    """The steps whose results are used in the end, in their order; differentiation leaves many that are not."""
+    needed = {v for v in program.outvars if not isinstance(v, core.Literal)}
+    steps = []
+    for step in reversed(program.eqns):
+        if step.effects or not needed.isdisjoint(step.outvars):
+            needed.update(v for v in step.invars if not isinstance(v, core.Literal))
+            steps.append(step)
+    return steps[::-1]
 
 
 def _lines(x: Entries, kept, over) -> np.ndarray:

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.extend import core
 
 from jaxcontact.linalg.circular import cosine, has_polynomials, sine
+from jaxcontact.linalg.screens import SCREEN, SHIELD, screen
 from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
 
 
@@ -180,7 +180,20 @@ ELEMENTWISE = {
         "shift_left",
         "shift_right_arithmetic",
     ),
-    *("shift_right_logical", "sign", "sin", "sinh", "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor"),
+    *(
+        SCREEN,
+        "shift_right_logical",
+        "sign",
+        "sin",
+        "sinh",
+        "sqrt",
+        "square",
+        "stop_gradient",
+        "sub",
+        "tan",
+        "tanh",
+        "xor",
+    ),
 }
 
 REDUCTIONS = {
@@ -257,18 +270,8 @@ def may_be_infinite(name: str, params: dict | None, operands) -> bool:
     return name in UNBOUNDED or (name == "integer_pow" and params["y"] < 0)
 
 
-def is_shield(name: str, operands) -> bool:
-    return name == "max" and any(_constant(x, jnp.finfo(x.dtype).min) for x in operands if x.dtype.kind == "f")
-
-
-def is_shield_call(step) -> bool:
-    """Whether a custom rule is that of `shield`: one maximum with the most negative number."""
-    program = step.params.get("call_jaxpr")
-    if program is None or len(program.jaxpr.eqns) != 1:
-        return False
-    (inner,) = program.jaxpr.eqns
-    constants = [literal(v).flat[0] for v in inner.invars if isinstance(v, core.Literal)]
-    return is_shield(inner.primitive.name, constants)
+def is_shield(name: str, params: dict | None) -> bool:
+    return name == SCREEN and params["share"] == SHIELD
 
 
 def is_milestone(step) -> bool:
@@ -280,34 +283,23 @@ def is_milestone(step) -> bool:
 
 
 @jax.custom_jvp
-def screened(x):
-    """A shield that says nothing of the size of x."""
-    return lax.max(x, jnp.array(0.5 * jnp.finfo(x.dtype).min, x.dtype))
-
-
-@screened.defjvp
-def _screened_jvp(primals, tangents):
-    return screened(*primals), tangents[0]
-
-
-@jax.custom_jvp
 def _sin(x):
-    return sine(x) if has_polynomials(x.dtype) else screened(lax.sin(x))
+    return sine(x) if has_polynomials(x.dtype) else screen(lax.sin(x))
 
 
 @jax.custom_jvp
 def _cos(x):
-    return cosine(x) if has_polynomials(x.dtype) else screened(lax.cos(x))
+    return cosine(x) if has_polynomials(x.dtype) else screen(lax.cos(x))
 
 
 @jax.custom_jvp
 def _sqrt(x):
-    return screened(lax.sqrt(x))
+    return screen(lax.sqrt(x))
 
 
 @jax.custom_jvp
 def _quotient(x, y):
-    return screened(lax.div(x, y))
+    return screen(lax.div(x, y))
 
 
 def _half_inverse(x):

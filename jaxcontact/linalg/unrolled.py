@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg.batches import walled
+from jaxcontact.linalg.screens import SHIELD, screen
 
 Scalar = jax.Array
 
@@ -22,7 +23,9 @@ def in_a_row(A: jax.Array) -> list[Scalar]:
     XLA sees through parts of a row of numbers, not through those of stacks of stacks: a matrix between two programs on
     scalars would be stored. One split, whose transpose is one concatenation, where slices become sums of paddings.
     """
-    return [x.reshape(()) for x in lax.split(A.reshape(-1), (1,) * A.size)] if A.size else []
+    if not A.ndim:
+        return [A]
+    return [lax.reshape(x, ()) for x in lax.split(lax.reshape(A, (A.size,)), (1,) * A.size)] if A.size else []
 
 
 def row_of(scalars: list[Scalar]) -> jax.Array:
@@ -74,19 +77,13 @@ def largest(terms: list[Scalar]) -> Scalar:
     return result
 
 
-@jax.custom_jvp
 def shield(x: Scalar) -> Scalar:
-    """x, behind an operation that XLA cannot drop.
+    """x, behind an operation that XLA cannot drop; for `fused` a promise that x is finite wherever that matters.
 
     XLA:CPU does not fuse an expensive producer (division, square root) that has several users; behind a cheap single
-    user it does, and the program stays one loop. The maximum with the most negative finite number passes NaN through.
+    user it does, and the program stays one loop.
     """
-    return lax.max(x, jnp.array(jnp.finfo(x.dtype).min, x.dtype))
-
-
-@shield.defjvp
-def _shield_jvp(primals, tangents):
-    return shield(*primals), tangents[0]
+    return screen(x, SHIELD)
 
 
 @jax.jit
