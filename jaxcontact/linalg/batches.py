@@ -3,6 +3,8 @@
 Functions are written for one problem; these rules say what `jax.vmap` makes of them. A vmap of a vmap is one batch.
 """
 
+import functools
+import operator
 from collections.abc import Callable
 
 import jax
@@ -139,6 +141,7 @@ def walled(function: Callable) -> Callable:
 
     >>> jax.vmap(walled(lambda x: x + 1))(jnp.zeros(3))     # ones
     """
+    function = jax.jit(function)  # traced once, for its shapes and for itself
 
     @custom_vmap
     def one(*arguments):
@@ -147,7 +150,10 @@ def walled(function: Callable) -> Callable:
         def nothing(*_):
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
-        return lax.cond(_always(arguments), function, nothing, *arguments)
+        def everything(*arguments):
+            return lax.optimization_barrier(function(*arguments))  # or a branch of cheap operations becomes a select
+
+        return lax.cond(_always(arguments), everything, nothing, *arguments)
 
     @one.def_vmap
     def _(size, batched, *arguments):
@@ -159,11 +165,11 @@ def walled(function: Callable) -> Callable:
 
 
 def _always(arguments):
-    """True, as a computed number: 0 x is zero or NaN, and neither is one."""
-    for x in jax.tree.leaves(arguments):
-        if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
-            return 0 * x[(0,) * x.ndim] != 1
-    return True
+    """True, as a computed number: the bits of a number with the last one set are not all zero. Of the first rows of
+    all arguments, as many a number is a constant in the end."""
+    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(x.dtype, jnp.floating) and x.size]
+    bits = (lax.bitcast_convert_type(x[:1] if x.ndim else x, f"uint{8 * x.dtype.itemsize}") for x in numbers)
+    return functools.reduce(operator.and_, (jnp.all((b | 1) != 0) for b in bits)) if numbers else True
 
 
 def _spread(size, batched, arguments):
