@@ -136,9 +136,10 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     found = sliding(operators, friction)
     solution = None if found.problem is None else solve(found.problem, method)
     normal, a = _accelerated(operators, friction, found, solution)
+    looked = _looked_at(*lax.stop_gradient((parts, operators, friction, found, normal, a)))
     reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
-    status = jnp.where(clear, _status(operators, found, solution), reason)
-    forces = _judged(parts, operators, friction, found, solution, normal, a, status)
+    status = jnp.where(clear, _status(looked, solution), reason)
+    forces = _judged(contacts, friction, looked, solution, normal, a, status)
     if certified:
         signs = jnp.where(clear, jnp.sign(parts.slip), 0)
         forces = replace(forces, certificate=certificate(operators, jnp.where(clear, mu, 0), signs, forces.normal))
@@ -183,21 +184,47 @@ def _accelerated(operators: Delassus, friction: Array, found: Sliding, solution:
     return normal, linalg.solve_lower_transposed(operators.L, alpha)
 
 
-def _status(operators: Delassus, found: Sliding, solution: Solution | None) -> Array:
+class Looked(NamedTuple):
+    """What is measured of an answer."""
+
+    misses: Residuals
+    deficient: Array
+    """bool: the linear contacts depend on one another"""
+    contradictory: Array
+    """bool: and no acceleration satisfies them all"""
+    unique: Array
+    """bool: W - Wt D is positive definite for all signs of the forces"""
+
+
+def _looked_at(parts: Terms, operators: Delassus, friction, found: Sliding, normal, a) -> Looked:
+    """`Looked`, in a few loops over a batch."""
+    contacts = operators.contacts
+
+    def measured(parts, operators, friction, found, normal, a):
+        load = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
+        motion = Motion(a, normal, -friction * jnp.abs(normal), friction, length_of(operators.N), load)
+        return residuals(contacts, parts, motion), found.span.deficient, contradiction(operators, found)
+
+    known = found._replace(problem=None)
+    looked = linalg.packed(measured)(parts, operators, friction, known, normal, a)
+    return Looked(*looked, linalg.packed(_certified)(found.N, found.D))
+
+
+def _status(looked: Looked, solution: Solution | None) -> Array:
     """The solver's word, overruled where linear constraints contradict each other or depend on one another."""
     status = jnp.int32(Status.SOLVED) if solution is None else solution.status
     answered = True if solution is None else solution.answered
-    dependent = found.span.deficient | (False if solution is None else solution.redundant)
+    dependent = looked.deficient | (False if solution is None else solution.redundant)
     status = jnp.where(answered & dependent, int(Status.REDUNDANT), status)
-    return jnp.where(contradiction(operators, found), int(Status.INFEASIBLE), status)
+    return jnp.where(looked.contradictory, int(Status.INFEASIBLE), status)
 
 
-def _judged(parts, operators, friction, found, solution, normal, a, status) -> ContactForces:
+def _judged(contacts, friction, looked: Looked, solution, normal, a, status) -> ContactForces:
     """The record; where there is no answer, or the mechanics are not satisfied, NaN."""
-    contacts, eps = operators.contacts, float(jnp.finfo(a.dtype).eps)
-    misses = _misses(contacts, *lax.stop_gradient((parts, operators, friction, normal, a)))
+    n, m, eps = len(a), len(normal), float(jnp.finfo(a.dtype).eps)
+    largest = looked.misses.largest
     claimed = (status == int(Status.SOLVED)) | (status == int(Status.REDUNDANT))
-    small = misses.largest <= ROUNDING * sum(parts.G.shape) * eps
+    small = largest <= ROUNDING * (n + m) * eps
     status = jnp.where(claimed & ~small, int(Status.INACCURATE), status).astype(jnp.int32)
     answered = claimed & small
 
@@ -209,21 +236,13 @@ def _judged(parts, operators, friction, found, solution, normal, a, status) -> C
         tangential=kept(-friction * jnp.abs(normal)),
         acceleration=kept(a),
         status=status,
-        residual=kept(misses.largest),
-        residuals=Residuals(*(kept(miss) for miss in misses)),
+        residual=kept(largest),
+        residuals=Residuals(*map(kept, looked.misses)),
         open=_open(contacts, solution) & answered,
-        unique=_certified(found) & answered,
+        unique=looked.unique & ~looked.deficient & answered,
         degenerate=jnp.int32(0) if solution is None else jnp.where(answered, solution.degenerate, 0),
         steps=jnp.int32(0) if solution is None else solution.steps,
     )
-
-
-def _misses(contacts, parts, operators, friction, normal, a) -> Residuals:
-    def measured(parts, N, L, F, friction, normal, a):
-        load = length_of(linalg.solve_lower(L, F)[:, None])[0]
-        return residuals(contacts, parts, Motion(a, normal, -friction * jnp.abs(normal), friction, length_of(N), load))
-
-    return linalg.packed(measured)(parts, operators.N, operators.L, operators.terms.F, friction, normal, a)
 
 
 def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
@@ -235,14 +254,10 @@ def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
     return ~jnp.stack(flags) if flags else jnp.zeros((0,), bool)
 
 
-def _certified(found: Sliding) -> Array:
+def _certified(N: Array, D: Array) -> Array:
     """bool: sigma_min(N)^2 > sigma_max(N^T D), so that W - Wt D is positive definite for all signs and the solution is
-    unique (the direct bound of the mixed problem), and the linear contacts are independent."""
-
-    def unique(N, D):
-        noise = dependence(sum(N.shape), N.dtype)
-        least, greatest = linalg.singular_value_min(N), linalg.singular_value_max(N)
-        pulled = linalg.singular_value_max(linalg.gram(N, D))
-        return (least > noise * greatest) & (least**2 * (1 - noise) > pulled)
-
-    return linalg.packed(unique)(*lax.stop_gradient((found.N, found.D))) & ~found.span.deficient
+    unique (the direct bound of the mixed problem)."""
+    noise = dependence(sum(N.shape), N.dtype)
+    least, greatest = linalg.singular_value_min(N), linalg.singular_value_max(N)
+    pulled = linalg.singular_value_max(linalg.gram(N, D))
+    return (least > noise * greatest) & (least**2 * (1 - noise) > pulled)
