@@ -7,6 +7,7 @@ import pytest
 from test_invariance import SCENES
 
 import jaxcontact as jc
+from jaxcontact import linalg
 from jaxcontact.linalg import fused
 from jaxcontact.linalg.reader import LOOP_LIMIT
 from jaxcontact.linalg.unrolled import milestone
@@ -166,3 +167,48 @@ def test_parts_and_paddings_are_those_of_the_arrays():
 
     x = jnp.arange(12.0).reshape(4, 3)
     jax.tree.map(np.testing.assert_array_equal, fused(function)(x), function(x))
+
+
+def looks(x, M):
+    """Numbers and truth values of several shapes, none among them."""
+    return {"sign": x > 0, "sums": M.sum(1), "none": x[:0] > 0, "largest": jnp.abs(M).max(), "finite": jnp.isfinite(M)}
+
+
+@pytest.mark.parametrize("lanes", [0, 1, 7])
+def test_what_is_packed_is_what_the_function_returns(lanes):
+    rng = np.random.default_rng(lanes)
+    x, M = rng.normal(size=(lanes, 4)), rng.normal(size=(lanes, 4, 4))
+    M[M > 1.5] = np.nan
+    packed = jax.vmap(linalg.packed(looks))(x, M)
+    for name, expected in jax.vmap(looks)(x, M).items():
+        assert packed[name].shape == expected.shape
+        np.testing.assert_allclose(packed[name], expected, rtol=1e-15)
+        assert packed[name].dtype == expected.dtype
+
+
+def test_more_truth_values_than_bits_of_a_number():
+    x = np.random.default_rng(0).normal(size=(5, 70))
+    assert np.array_equal(jax.vmap(linalg.packed(lambda x: x > 0))(x), x > 0)
+
+
+def test_what_is_packed_takes_few_loops():
+    """Five numbers two by two, and twenty truth values in one."""
+    x, M = jnp.ones((64, 4)), jnp.ones((64, 4, 4))
+    text = jax.jit(jax.vmap(linalg.packed(looks))).lower(x, M).compile().as_text()
+    assert text.count(" conditional(") == 3 + 1
+
+
+@pytest.mark.parametrize("constant", [False, True])
+def test_a_wall_stands_though_its_branches_are_cheap_and_an_argument_is_constant(constant):
+    """XLA makes a select of a branch of cheap operations, and takes a branch whose choice it knows."""
+
+    def twice(length, x):
+        shared = linalg.walled(lambda length, x: jnp.sin(length * x[0]) + x[1])(length, x)
+        return shared + 1, shared * 2
+
+    x, length = jnp.ones((64, 2)), 2.0 if constant else jnp.ones(64)
+    program = jax.jit(jax.vmap(lambda x, a: twice(jnp.float64(length) if constant else a, x)))
+    text = program.lower(x, jnp.ones(64)).compile().as_text()
+    assert text.count(" conditional(") == 1
+    found = program(x, jnp.ones(64))
+    np.testing.assert_allclose(found[0], np.sin(2.0 if constant else 1.0) + 2, rtol=1e-15)
