@@ -17,7 +17,7 @@ from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.residuals import above_zero, classify, pair_scales, residuals, slack
 from jaxcontact.complementarity.short import SCALARS, counted, dot, largest
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import as_one, fused, in_chunks, two_product, two_sum, walled, where_needed
+from jaxcontact.linalg import in_chunks, packed, two_product, two_sum, walled, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
@@ -157,27 +157,9 @@ def _told(flags):
 
 
 def _in_one(function, size):
-    """`function`, which returns two numbers or two masks, for short arrays as one kernel with one result: its own loop
-    over a batch, and a vectorised one. Long products are loops of their own anyway."""
-    if size > SCALARS:
-        return function
-
-    def packed(*given):
-        first, second = function(*given)
-        if first.ndim == 0:
-            return as_one([first, second])
-        bits = [1 << i for i in range(2 * len(first))]
-        flags = [*first, *second]
-        return sum((jnp.where(flag, bit, 0) for flag, bit in zip(flags, bits, strict=True)), jnp.int32(0))
-
-    def unpacked(*given):
-        found = walled(fused(packed))(*given)
-        if jnp.issubdtype(found.dtype, jnp.complexfloating):
-            return jnp.real(found), jnp.imag(found)
-        i = jnp.arange(len(given[2]), dtype=jnp.int32)
-        return (found[None] >> i) & 1 == 1, (found[None] >> (i + len(i))) & 1 == 1
-
-    return unpacked
+    """`function`, which returns a few numbers or masks, for short arrays in few loops over a batch, each vectorised.
+    Long products are loops of their own anyway."""
+    return packed(function) if size <= SCALARS else function
 
 
 def _status(problem, claim, found, ask):

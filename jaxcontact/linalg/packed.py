@@ -7,7 +7,6 @@ number, and real numbers two by two as a complex one.
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,38 +30,40 @@ def packed(function: Callable) -> Callable:
     def apart(*arguments):
         shapes, structure = jax.tree.flatten(jax.eval_shape(function, *arguments))
         truths = [x.dtype == bool for x in shapes]
-
-        def some(kind: bool, first: int, count: int) -> Callable:
-            """Entries of all results of a kind, in their order, as one number."""
-
-            def program(*arguments):
-                results = jax.tree.leaves(function(*arguments))
-                entries = [
-                    x[i] for x, truth in zip(results, truths, strict=True) if truth == kind for i in np.ndindex(x.shape)
-                ][first : first + count]
-                if not kind:
-                    return as_one(entries)
-                return sum((jnp.where(x, 1 << k, 0) for k, x in enumerate(entries)), jnp.int32(0))
-
-            return walled(fused(program))
-
-        def all_of(kind: bool, each: int) -> list:
-            total = sum(math.prod(x.shape) for x, truth in zip(shapes, truths, strict=True) if truth == kind)
-            found: list[Any] = []
-            for first in range(0, total, each):
-                count = min(each, total - first)
-                number = some(kind, first, count)(*arguments)
-                found += [(number >> k) & 1 == 1 for k in range(count)] if kind else list(from_one(number))
-            return found
-
-        numbers, flags = iter(all_of(False, 2)), iter(all_of(True, BITS))
-        results = [_gathered(flags if truth else numbers, x) for x, truth in zip(shapes, truths, strict=True)]
+        rows = {kind: _row(function, truths, kind, shapes, arguments) for kind in set(truths)}
+        results, used = [], dict.fromkeys(rows, 0)
+        for x, truth in zip(shapes, truths, strict=True):
+            size = math.prod(x.shape)
+            results.append(rows[truth][used[truth] : used[truth] + size].reshape(x.shape))
+            used[truth] += size
         return jax.tree.unflatten(structure, results)
 
     return apart
 
 
-def _gathered(entries, like):
-    """The next entries as an array of that shape."""
-    taken = [next(entries) for _ in range(math.prod(like.shape))]
-    return jnp.stack(taken).reshape(like.shape) if taken else jnp.zeros(like.shape, like.dtype)
+def _row(function: Callable, truths: list[bool], truth: bool, shapes: list, arguments: tuple) -> jax.Array:
+    """All entries of the results that are truth values, or of those that are not, one after the other."""
+
+    def numbered(first: int, count: int) -> Callable:
+        """So many entries as one number."""
+
+        def program(*arguments):
+            results = zip(jax.tree.leaves(function(*arguments)), truths, strict=True)
+            entries = [x[i] for x, kind in results if kind == truth for i in np.ndindex(x.shape)]
+            entries = entries[first : first + count]
+            return (
+                sum((jnp.where(x, 1 << k, 0) for k, x in enumerate(entries)), jnp.int32(0))
+                if truth
+                else as_one(entries)
+            )
+
+        return walled(fused(program))
+
+    def taken_apart(number: jax.Array, count: int) -> jax.Array:
+        return (number[None] >> jnp.arange(count, dtype=jnp.int32)) & 1 == 1 if truth else from_one(number)
+
+    kept = [x for x, kind in zip(shapes, truths, strict=True) if kind == truth]
+    total, each = sum(math.prod(x.shape) for x in kept), BITS if truth else 2
+    counts = [(first, min(each, total - first)) for first in range(0, total, each)]
+    parts = [taken_apart(numbered(first, count)(*arguments), count) for first, count in counts]
+    return jnp.concatenate([jnp.zeros(0, kept[0].dtype), *parts])
