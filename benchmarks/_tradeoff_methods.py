@@ -1,6 +1,7 @@
 """The methods in batch, one precision or two, as a user would call them.
 
-Mixed precision is float32 first and float64 again where that is doubtful, or float64 started from float32 everywhere.
+Mixed precision is float32 first and float64 again where that is doubtful (`solve_in_two_precisions`), or float64
+started from float32 everywhere.
 """
 
 import time
@@ -18,8 +19,8 @@ from jaxcontact.complementarity import (
     Lemke,
     PrincipalPivoting,
     ProjectedGaussSeidel,
-    Status,
     solve,
+    solve_in_two_precisions,
 )
 
 PIVOTING = "principal pivoting"
@@ -33,14 +34,8 @@ METHODS = {
 }
 """Name, method and the largest size at which it is worth waiting for."""
 
-DOUBTFUL_ERROR = 1e-6
-"""A backward error of float32 above this is doubtful."""
-
-DOUBTFUL_CONDITION = 1e3
-"""So is a condition number of the active equations above this: float32 keeps four digits up to there."""
-
-PARTS = 16
-"""Doubtful lanes are solved again in pieces of this part of the batch, so that one compiled program does."""
+ACCURACY = 1e-3
+"""A lane whose answer in float32 may be wrong by more than this is ill-conditioned."""
 
 
 class Found(NamedTuple):
@@ -62,52 +57,55 @@ def programs(m, lanes, methods):
                 began = time.perf_counter()
                 calls[name, dtype] = compiled(method, m, lanes, dtype)
                 yield name, dtype, lanes, partial(once, calls[name, dtype]), time.perf_counter() - began
-    began = time.perf_counter()
     method, first = methods[PIVOTING][0], calls[PIVOTING, "float32"]
-    again = compiled(method, m, -(-lanes // PARTS), "float64")
+    for name, accuracy in {"again if in doubt": np.inf, "again if ill-conditioned": ACCURACY}.items():
+        began = time.perf_counter()
+        call = twice(method, m, lanes, accuracy)
+        yield f"{PIVOTING}, {name}", "mixed", lanes, call, time.perf_counter() - began
+    began = time.perf_counter()
     warm = compiled(method, m, lanes, "float64", started=True)
-    compilation = time.perf_counter() - began
-    for name, call in {
-        "again if in doubt": partial(twice, first, again, np.inf),
-        "again if ill-conditioned": partial(twice, first, again, DOUBTFUL_CONDITION),
-        "float64 from float32": partial(continued, first, warm),
-    }.items():
-        yield f"{PIVOTING}, {name}", "mixed", lanes, call, compilation
+    call = partial(continued, first, warm)
+    yield f"{PIVOTING}, float64 from float32", "mixed", lanes, call, time.perf_counter() - began
 
 
 def compiled(method, m, lanes, dtype, started=False):
     """A function from M (lanes, m, m), q (lanes, m) and, if `started`, z (lanes, m) to what the method found."""
 
     def answers(M, q, *start):
-        problem = LCP(M, q)
-        answer = solve(problem, method, *start)
-        proposed = jnp.matmul(M, answer.attempt, precision=jax.lax.Precision.HIGHEST) + q
-        w = jnp.where(answer.answered, answer.w, proposed)
-        return Found(answer.attempt, w, answer.status, answer.backward_error, answer.condition)
+        return found_of(M, q, solve(LCP(M, q), method, *start))
 
     shapes = [jax.ShapeDtypeStruct((lanes, *shape), dtype) for shape in ((m, m), (m,)) + ((m,),) * started]
     program = jax.jit(jax.vmap(answers)).lower(*shapes).compile()
     return lambda *data: jax.tree.map(np.asarray, program(*(part.astype(dtype) for part in data)))
 
 
+def twice(method, m, lanes, accuracy):
+    """A function (M, q) -> (Found, how many were solved again): float32, and float64 where that is in doubt."""
+
+    def answers(M, q):
+        solution, redone = solve_in_two_precisions(LCP(M, q), method, accuracy=accuracy)
+        return found_of(M, q, solution), redone
+
+    shapes = [jax.ShapeDtypeStruct((lanes, *shape), "float64") for shape in ((m, m), (m,))]
+    program = jax.jit(jax.vmap(answers)).lower(*shapes).compile()
+
+    def call(M, q):
+        found, redone = jax.tree.map(np.asarray, program(M, q))
+        return found, int(redone.sum())
+
+    return call
+
+
+def found_of(M, q, answer):
+    """`Found` of a solution; what failed with what it proposes."""
+    proposed = jnp.matmul(M, answer.attempt, precision=jax.lax.Precision.HIGHEST) + q
+    w = jnp.where(answer.answered, answer.w, proposed)
+    return Found(answer.attempt, w, answer.status, answer.backward_error, answer.condition)
+
+
 def once(call, M, q):
     """One solve of every lane."""
     return call(M, q), 0
-
-
-def twice(first, again, condition, M, q):
-    """float32 first; float64 for the lanes that are not solved, or less well than wanted."""
-    M, q = np.asarray(M), np.asarray(q)
-    found = jax.tree.map(lambda part: part.astype(np.float64) if part.dtype == np.float32 else part.copy(), first(M, q))
-    fine = (found.status == Status.SOLVED) & (found.backward_error <= DOUBTFUL_ERROR) & (found.condition <= condition)
-    doubtful = np.flatnonzero(~fine)
-    piece = -(-len(q) // PARTS)
-    for begin in range(0, len(doubtful), piece):
-        lanes = doubtful[begin : begin + piece]
-        padded = np.resize(lanes, piece)
-        for part, better in zip(found, again(M[padded], q[padded]), strict=True):
-            part[lanes] = better[: len(lanes)]
-    return found, len(doubtful)
 
 
 def continued(first, warm, M, q):

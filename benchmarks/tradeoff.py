@@ -2,7 +2,7 @@
 
 The families, and where their exact answers come from, are in `_tradeoff_problems`. Errors are those of the problem as
 given in float64: float32 pays for rounding the data too. All lanes count, failed ones with what they propose. Mixed
-precision is float32 first and float64 again where that is doubtful, or float64 started from float32 everywhere.
+precision is `solve_in_two_precisions`, or float64 started from float32 everywhere.
 """
 
 import argparse

@@ -1,5 +1,7 @@
 """What holds of a batch as of each of its problems: NaN is never lost, chunks and skipped work change nothing."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 from systems import operators_of, random_factors
 
 import jaxcontact as jc
-from jaxcontact import linalg
+from jaxcontact import linalg, native
 
 MANY = 5000
 """XLA's own maximum drops NaN on a CPU once a loop is vectorised, from about a thousand lanes (openxla/xla 21461)."""
@@ -69,12 +71,24 @@ def test_chunks_are_the_batch(size):
     assert np.array_equal(jax.jit(jax.vmap(jax.vmap(chunked, 0), 0))(x.reshape(1, -1)), np.arange(size)[None] + 1)
 
 
-def test_skipped_work_is_as_if_done():
+def test_a_batch_of_batches_without_kernels_keeps_every_field():
+    """Those of no entries too, in a batch of none as well."""
+    q = -np.ones((2, 4, 3))
+    one = lambda q: jc.solve(jc.LCP(np.eye(3), q), jc.Lemke())  # noqa: E731
+    with native.unused():
+        nested, none = jax.vmap(jax.vmap(one))(q), jax.vmap(jax.vmap(one))(q[:0])
+    assert np.array_equal(nested.z, -q)
+    assert nested.free.shape == (2, 4, 0)
+    assert (none.z.shape, none.free.shape) == ((0, 4, 3), (0, 4, 0))
+
+
+@pytest.mark.parametrize("pick", [linalg.where_needed, partial(linalg.for_the_few, lanes=2)])
+def test_skipped_work_is_as_if_done(pick):
     def square(x):
         return {"value": x * x}
 
     def chosen(x, limit):
-        return linalg.where_needed(x > limit, square, {"value": -x}, x)["value"]
+        return pick(x > limit, square, {"value": -x}, x)["value"]
 
     x = jnp.arange(6.0)
     for limit in (-1.0, 2.5, 9.0):

@@ -10,12 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from families import FAMILIES, beyond_critical, fathi, murty, near_critical, sliding
+from families import FAMILIES, beyond_critical, fathi, infeasible_semidefinite, murty, near_critical, sliding
 
 from jaxcontact import native
 from jaxcontact.complementarity import (
     LCP,
     Direct,
+    HorizontalLCP,
     Lemke,
     PrincipalPivoting,
     ProjectedGaussSeidel,
@@ -23,7 +24,7 @@ from jaxcontact.complementarity import (
     judge,
     solve,
 )
-from jaxcontact.complementarity.judge import Claim
+from jaxcontact.complementarity.judge import Claim, backward_error_bound
 from jaxcontact.native import build
 
 COMPILER = shutil.which(os.environ.get("CXX", "c++"))
@@ -135,6 +136,53 @@ def test_sweeps_are_those_of_the_code_in_jax(m, start):
     assert (np.abs(kernel.attempt - reference.attempt) <= rounding * scale)[moderate].all()
     # the last backward error may fall on either side of the target
     assert (np.abs(kernel.steps - reference.steps) <= 1)[moderate].all()
+
+
+@built
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("m", [1, 2])
+def test_pairs_in_horizontal_form_agree(m, dtype):
+    """P z - N w + q = 0 of small integers, where modes are singular and nothing or much solves, and of any numbers, in
+    units up to 2^20 apart; statuses are those of the code in JAX, and the answers solve the equations."""
+    rng = np.random.default_rng(7)
+    n = 150
+    P, N = rng.integers(-2, 3, (2, n, m, m)).astype(float)
+    q = rng.integers(-2, 3, (n, m)).astype(float)
+    P[: n // 3], N[: n // 3], q[: n // 3] = (rng.normal(size=x[: n // 3].shape) for x in (P, N, q))
+    rows, columns = 2.0 ** rng.integers(-10, 11, (n, m)), 2.0 ** rng.integers(-10, 11, (2, n, 1, m))
+    P, N, q = rows[:, :, None] * P * columns[0], rows[:, :, None] * N * columns[1], rows * q
+    P[5, 0, 0], q[6, 0], P[7], N[7], q[7] = np.nan, np.inf, 0, 0, 0
+    P, N, q = (x.astype(dtype) for x in (P, N, q))
+    answers = jax.vmap(lambda N, P, q: solve(HorizontalLCP(N, P, q), Direct()))
+    kernel = jax.tree.map(np.asarray, answers(N, P, q))
+    with native.unused():
+        reference = jax.tree.map(np.asarray, answers(N, P, q))
+    assert np.array_equal(kernel.status, reference.status)
+    assert {Status.SOLVED, Status.REDUNDANT, Status.INFEASIBLE, Status.BAD_INPUT} <= set(kernel.status.tolist())
+    solved = np.isin(kernel.status, (Status.SOLVED, Status.REDUNDANT))
+    z, w = kernel.z[solved], kernel.w[solved]
+    assert min(z.min(), w.min()) >= 0
+    assert not (z * w).any()
+    sums = np.einsum("bij,bj->bi", P[solved], z) - np.einsum("bij,bj->bi", N[solved], w) + q[solved]
+    terms = np.einsum("bij,bj->bi", abs(P[solved]), z) + np.einsum("bij,bj->bi", abs(N[solved]), w) + abs(q[solved])
+    # eta <= 256 eps (16 eps in float32) of the largest row is what SOLVED says (numerics 4, bar 3)
+    bound = backward_error_bound(dtype)
+    assert (np.abs(sums).max(1) <= bound * np.maximum(terms.max(1), 1e-30)).all()
+    same = (kernel.active == reference.active).all(1)  # of several solutions rounding chooses one
+    regular = same & (kernel.status == Status.SOLVED) & (reference.condition < 1e3)
+    assert regular.sum() > n // 3
+    np.testing.assert_allclose(kernel.condition[regular], reference.condition[regular], rtol=1e3 * np.finfo(dtype).eps)
+
+
+@built
+@pytest.mark.parametrize("m", [2, 5, 9])
+def test_proofs_of_infeasibility_are_those_of_the_judge(m):
+    """Contacts that push against one another: Lemke's rays prove it, by a kernel as in JAX."""
+    rng = np.random.default_rng(m)
+    M, q = (np.array(part) for part in zip(*(infeasible_semidefinite(m, rng) for _ in range(60)), strict=True))
+    kernel, reference = both(Lemke(), jnp.asarray(M), jnp.asarray(q))
+    assert np.array_equal(kernel.status, reference.status)
+    assert 10 < (kernel.status == Status.INFEASIBLE).sum() < 60
 
 
 @built

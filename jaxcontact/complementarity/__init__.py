@@ -31,3 +31,5 @@ from jaxcontact.complementarity.problems import HorizontalLCP as HorizontalLCP
 from jaxcontact.complementarity.solution import Solution as Solution
 from jaxcontact.complementarity.solve import solve as solve
 from jaxcontact.complementarity.status import Status as Status
+from jaxcontact.complementarity.two_precisions import TwoPrecisions as TwoPrecisions
+from jaxcontact.complementarity.two_precisions import solve_in_two_precisions as solve_in_two_precisions

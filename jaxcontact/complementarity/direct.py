@@ -62,10 +62,10 @@ class Direct:
         """No step is needed."""
         return 0
 
-    def compiled(self, problem: LCP, start):
+    def compiled(self, problem: LCP, start, certified):
         """The same candidates by a compiled kernel."""
         _check_size(problem.q.shape[0])
-        return native.direct(problem.M, problem.q)
+        return native.direct(problem.M, problem.q, certified)
 
     def init(self, problem: LCP, start):
         """All candidates, the best of them."""
@@ -87,6 +87,10 @@ class Direct:
     def of_pairs(self, P, N, q) -> Pairs:
         """The best candidate of P z - N w + q = 0 for one or two pairs, without going through an LCP."""
         return best_of_pairs(P, N, q)
+
+    def compiled_pairs(self, P, N, q):
+        """The same by a compiled kernel."""
+        return native.pairs(P, N, q)
 
 
 def _check_size(m):

@@ -66,10 +66,11 @@ class ProjectedGaussSeidel:
         """Sweeps allowed."""
         return self.sweeps
 
-    def compiled(self, problem: LCP, start):
+    def compiled(self, problem: LCP, start, certified):
         """The same sweeps by a compiled kernel."""
         start = problem.q[:0] if start is None else start.astype(problem.q.dtype)
-        return native.gauss_seidel(problem.M, problem.q, start, self.sweeps, self.relaxation, self._target(start.dtype))
+        target = self._target(start.dtype)
+        return native.gauss_seidel(problem.M, problem.q, start, self.sweeps, self.relaxation, target, certified)
 
     def init(self, problem: LCP, start):
         """The start, or zero."""

@@ -50,6 +50,7 @@ def _(primals, tangents):
     return G, -dot(G, dot(tangents[0], G))
 
 
+@jax.jit  # traced once for all who ask
 def analysed_inverse(K):
     """`Inverse` of K (n, n): rows, then columns, are balanced by powers of two first."""
     n = K.shape[0]

@@ -57,8 +57,8 @@ class Claim(NamedTuple):
     """(k + m,) a row combination y said to prove that no feasible point exists; zeros if there is none."""
     dependent: jax.Array | bool = False
     """bool: no mode of the problem is regular, so that only part of a solution is determined"""
-    measured: native.Findings | None = None
-    """what the judge's kernel found of the point, where it has already looked"""
+    measured: native.Measures | native.Pairs | None = None
+    """what a kernel found of the point, where one has already looked"""
 
 
 class Verdict(NamedTuple):
@@ -85,55 +85,75 @@ class Findings(NamedTuple):
     rho: jax.Array
     active: jax.Array
     degenerate: jax.Array
+    condition: jax.Array
     finite: jax.Array
     """bool: the data are finite"""
     whole: jax.Array
     """bool: the point is"""
+    proved: jax.Array | None = None
+    """bool: the certificate holds, where a kernel has looked at it"""
 
 
 def judge(problem, claim, kernels=False):
-    """The `Verdict` on a `Claim`, from the problem's own data; kernels: measured by those of `native`, if an LCP.
+    """The `Verdict` on a `Claim`, from the problem's own data; kernels: measured by those of `native`, if an LCP, or if
+    one has measured it already.
 
     >>> one = jnp.ones(1)
     >>> judge(LCP(jnp.eye(1), -one), Claim(one[:0], one, one, jnp.int32(0), 0 * one)).status
     """
-    form = normal_form(problem)
-    kernels = kernels and isinstance(problem, LCP)
-    found = _measured_by_kernel(problem, claim) if kernels else _measured(problem, form, claim)
-    held = found.active | found.degenerate
-    if kernels:
-        condition = native.condition(problem.M, held)
+    if kernels and isinstance(problem, LCP):
+        found = _measured_by_kernel(problem, claim)
+        ask = _condition_by_kernel, problem, claim.z
+    elif isinstance(claim.measured, native.Pairs):
+        found, ask = _measured_with_answer(claim), None
     else:
-        tight = walled(analysed_inverse)(mode_matrix(form, held.astype(form.q.dtype)))
-        condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
+        found = _measured(problem, claim)
+        ask = _condition_at, problem, found.active | found.degenerate
     return Verdict(
         free=claim.free,
         z=claim.z,
         w=found.w,
-        status=_status(problem, form, claim, found, kernels),
+        status=_status(problem, claim, found, ask),
         residual=found.rho,
         backward_error=found.eta,
         active=found.active,
         degenerate=found.degenerate,
-        redundant=~(condition <= CONDITION_BOUND / jnp.finfo(form.q.dtype).eps),
-        condition=condition,
+        redundant=~(found.condition <= CONDITION_BOUND / jnp.finfo(claim.z.dtype).eps),
+        condition=found.condition,
     )
 
 
-def _measured(problem, form, claim):
+def _measured(problem, claim):
     """`Findings` of a claim."""
+    form = normal_form(problem)
     w = slack(problem, form, claim.free, claim.z, claim.w)
     eta, rho = _in_one(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
     active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
+    tight = walled(analysed_inverse)(mode_matrix(form, (active | degenerate).astype(w.dtype)))
+    condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
     finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
     whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
-    return Findings(w, eta, rho, active, degenerate, finite, whole)
+    return Findings(w, eta, rho, active, degenerate, condition, finite, whole)
 
 
 def _measured_by_kernel(problem, claim):
-    """The same of an LCP by a compiled kernel."""
-    *found, flags = claim.measured or native.findings(problem.M, problem.q, claim.z)
-    return Findings(*found, flags & native.DATA_FINITE != 0, flags & native.POINT_FINITE != 0)
+    """The same of an LCP by compiled kernels, of which only those run whose results are used."""
+    M, q = problem.M, problem.q
+    measures = claim.measured or native.measure(M, q, claim.z, claim.certificate)
+    w, active, degenerate = native.classify(M, q, claim.z)
+    condition = native.condition(M, active | degenerate)
+    return Findings(w, measures.eta, measures.rho, active, degenerate, condition, *_told(measures.flags))
+
+
+def _measured_with_answer(claim):
+    """The same where the kernel that answered has measured everything."""
+    *_, condition, active, degenerate, (eta, rho, flags) = claim.measured
+    return Findings(claim.w, eta, rho, active, degenerate, condition, *_told(flags))
+
+
+def _told(flags):
+    """(finite, whole, proved) of a kernel's flags."""
+    return tuple(flags & bit != 0 for bit in (native.DATA_FINITE, native.POINT_FINITE, native.PROVED))
 
 
 def _in_one(function, size):
@@ -160,7 +180,7 @@ def _in_one(function, size):
     return unpacked
 
 
-def _status(problem, form, claim, found, kernels):
+def _status(problem, claim, found, ask):
     """Truth table, first line that applies:
 
     data not finite, or a proposed point that overflowed                BAD_INPUT
@@ -170,36 +190,42 @@ def _status(problem, form, claim, found, kernels):
     the best of all points is nearly a solution                         INACCURATE
     the method gave a reason                                            that reason
     otherwise                                                           INACCURATE
+
+    ask: a function and its arguments that tell the condition where it matters, so that a caller who does not look at it
+    need not pay for it; None: it is there anyway.
     """
-    eta, rho = found.eta, found.rho
+    eta, rho, dtype = found.eta, found.rho, claim.z.dtype
     claims = claim.outcome == int(Status.SOLVED)
     proposes = claims | (claim.outcome == int(Status.NO_SOLUTION))
-    small = eta <= backward_error_bound(form.q.dtype)
-    # not the condition above: a caller who does not look at that one need not pay for it
-    condition = where_needed(small & ~telling(rho), _condition_of(kernels), jnp.zeros_like(eta), form, found)
-    solved = acceptable(eta, rho, condition, form.q.dtype)
-    false = jnp.zeros((), bool)
-    doubtful = found.finite & ~solved
-    proved = where_needed(doubtful, _infeasible_somewhere, false, doubtful, problem, claim.certificate)
+    small = eta <= backward_error_bound(dtype)
+    condition = found.condition
+    if ask:
+        function, *given = ask
+        condition = where_needed(small & ~telling(rho), function, jnp.zeros_like(eta), *given)
+    solved = acceptable(eta, rho, condition, dtype)
+    proved = found.proved
+    if proved is None:
+        doubtful, false = found.finite & ~solved, jnp.zeros((), bool)
+        proved = where_needed(doubtful, _infeasible_somewhere, false, doubtful, problem, claim.certificate)
     shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
     good = jnp.where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
-    close = eta <= jnp.finfo(form.q.dtype).eps ** DIGITS_OF_ABSENCE
+    close = eta <= jnp.finfo(dtype).eps ** DIGITS_OF_ABSENCE
     reason = jnp.where(claims | (proposes & close), shaky, claim.outcome)
     failed = jnp.where(proved, int(Status.INFEASIBLE), reason)
     status = jnp.where(solved, good, failed)
     return jnp.where(found.finite & (found.whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
 
 
-def _condition_of(kernels):
-    """The condition number of the mode of what was found, as a function of normal form and findings."""
+def _condition_at(problem, held):
+    """The condition number of the mode in which the pairs `held` press."""
+    form = normal_form(problem)
+    return condition_number(mode_matrix(form, held.astype(form.q.dtype)))
 
-    def condition(form, found):
-        held = found.active | found.degenerate
-        if kernels:
-            return native.condition(form.P, held)
-        return condition_number(mode_matrix(form, held.astype(form.q.dtype)))
 
-    return condition
+def _condition_by_kernel(problem, z):
+    """That of the mode of the point z of an LCP, by compiled kernels."""
+    _, active, degenerate = native.classify(problem.M, problem.q, z)
+    return native.condition(problem.M, active | degenerate)
 
 
 def backward_error_bound(dtype):

@@ -100,11 +100,11 @@ class Lemke:
         """Pivots allowed for m contacts."""
         return self.max_steps or pivot_budget(m)
 
-    def compiled(self, problem: LCP, start):
+    def compiled(self, problem: LCP, start, certified):
         """The same pivots by a compiled kernel; `start` is not used."""
         q = problem.q
         covering = q[:0] if self.covering is None else self._covering(q)
-        return native.lemke(problem.M, q, covering, self.budget(q.shape[0]))
+        return native.lemke(problem.M, q, covering, self.budget(q.shape[0]), certified)
 
     def init(self, problem: LCP, start):
         """The basis after the first pivot, in which z0 has replaced the most violated row; `start` is not used."""

@@ -22,8 +22,9 @@ class Answer(NamedTuple):
 class Method(Protocol):
     """Configuration of a solver of LCP(M, q), m >= 1. States are pytrees with a boolean scalar `done`.
 
-    A method may have more: `compiled(problem, start)`, its `native.Answers`, taken where those kernels are at hand;
-    `of_pairs(P, N, q)` for up to `pairs` complementary pairs without free unknowns, as they are (`Direct`);
+    A method may have more: `compiled(problem, start, certified)`, its `native.Answers`, taken where those kernels are
+    at hand, with the certificate if `certified`; `of_pairs(P, N, q)` for up to `pairs` complementary pairs without free
+    unknowns, as they are, and `compiled_pairs(P, N, q)`, `native.Pairs` (`Direct`);
     `kind = AbsoluteValueEquation`, and then it gets these instead of LCPs (`Banach`); `lanes_last = True` if `step`
     takes states whose arrays all have further axes at the end, and leaves alone what is done (`Lemke`).
     """

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, balanced
+from jaxcontact.complementarity.scaling import exponent, power_of_two
 from jaxcontact.linalg import as_one, det2, from_one, fused, walled
 
 
@@ -103,8 +104,8 @@ def _separating(columns, load, rows, scales):
     zero = jnp.zeros((), load[0].dtype)
     best, lowest = [zero] * len(load), zero
     for y in _normals(columns, load):
-        length = _largest([jnp.abs(part) for part in y])
-        y = [part / jnp.where(length > 0, length, 1) for part in y]
+        unit = power_of_two(-exponent(_largest([jnp.abs(part) for part in y])), zero.dtype)
+        y = [part * unit for part in y]  # no rounding: what is normal to a column stays so to the last bit
         rounding = PIVOT_FLOOR * jnp.finfo(zero.dtype).eps
         fits = [sum(a * b for a, b in zip(y, c, strict=True)) >= -rounding * _size(c) for c in columns]
         fall = sum(a * b for a, b in zip(y, load, strict=True))

@@ -101,10 +101,10 @@ class PrincipalPivoting:
         """Pivots allowed for m contacts."""
         return self.max_steps or pivot_budget(m)
 
-    def compiled(self, problem: LCP, start):
+    def compiled(self, problem: LCP, start, certified):
         """The same pivots by a compiled kernel."""
         wanted = (problem.q[:0] if start is None else start) > 0
-        return native.principal(problem.M, problem.q, wanted, self.budget(problem.q.shape[0]))
+        return native.principal(problem.M, problem.q, wanted, self.budget(problem.q.shape[0]), certified)
 
     def init(self, problem: LCP, start):
         """The basis of all w, and the first row."""

@@ -8,6 +8,7 @@ With r_i the violation of row i,
 and for equations |r_i| / s and |r_i| / max|q|. Both are unchanged by M -> M 2^a, q -> q 2^b.
 """
 
+import jax
 import jax.numpy as jnp
 
 from jaxcontact.complementarity.boxed import residuals_of_box
@@ -27,6 +28,7 @@ def slack(problem, form, free, z, w):
     return dot(form.P[k:], z) + dot(form.F[k:], free) + form.q[k:]
 
 
+@jax.jit  # traced once for all who ask
 def residuals(problem, form, free, z, w):
     """eta, rho (scalars) of a point of the normal form, w being recomputed where z defines it; eta is the larger one of
     the caller's and the balanced rows."""
@@ -87,6 +89,7 @@ def pair_scales(problem, form):
     return tuple(power_of_two(exponent(largest_of_rows(A.T)), dtype) for A in (form.P, form.N))
 
 
+@jax.jit
 def classify(problem, form, z, w):
     """(active, degenerate), (m,) bool each: z_i positive beyond rounding; z_i and w_i both zero up to rounding."""
     scale_z, scale_w = pair_scales(problem, form)

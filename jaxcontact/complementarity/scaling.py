@@ -56,6 +56,7 @@ def _largest_exponent(x, shift):
     return jnp.where(largest == least, 0, largest)
 
 
+@jax.jit  # traced once for all who ask
 def row_exponents(M):
     """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 4). Where M_ii <= 0 the
     largest entries of row and column stand in: those that couple to rows with M_ii > 0, in their units, if there are

@@ -111,16 +111,14 @@ def _claimed(problem, method, start, kernels):
     if _sees_ave(method):
         return _claimed_as_ave(problem, method, start)
     if isinstance(problem, LCP) and kernels:
-        z, certificate, outcome, steps, found = method.compiled(problem, start)
+        z, certificate, outcome, steps, found = method.compiled(problem, start, certified=False)
         return Claim(problem.q[:0], z, z, outcome, certificate, measured=found), steps
     if isinstance(problem, LCP):
         answer, steps = iterate(problem, method, start)
         return Claim(problem.q[:0], *answer[:1], *answer), steps
     form = normal_form(problem)
     if form.F.shape[1] == 0 and 0 < len(form.q) <= getattr(method, "pairs", 0):
-        best = method.of_pairs(form.P, form.N, form.q)
-        none = jnp.int32(Status.NO_SOLUTION)
-        return Claim(form.q[:0], best.z, best.w, none, best.certificate, best.dependent), jnp.int32(0)
+        return _claimed_as_pairs(form, method, kernels), jnp.int32(0)
     reduction = walled(reduce_to_lcp)(form)
     inner = None if start is None else jnp.where(reduction.eliminated, 0, start)
     answer, steps = iterate(reduction.lcp, method, inner, kernels)
@@ -130,6 +128,17 @@ def _claimed(problem, method, start, kernels):
     certificate = jnp.where(silent, reduction.contradiction, certificate)
     free = _least_norm(form.F, point[0], reduction.dependent)
     return Claim(free, *point[1:], answer.outcome, certificate, reduction.dependent), steps
+
+
+def _claimed_as_pairs(form, method, kernels):
+    """The `Claim` of a method that takes one or two pairs as they are: the best of all candidates."""
+    outcome, free = jnp.int32(Status.NO_SOLUTION), form.q[:0]
+    if kernels:
+        found = method.compiled_pairs(form.P, form.N, form.q)
+        dependent = found.measures.flags & native.DEPENDENT != 0
+        return Claim(free, found.z, found.w, outcome, free, dependent, found)
+    best = method.of_pairs(form.P, form.N, form.q)
+    return Claim(free, best.z, best.w, outcome, best.certificate, best.dependent)
 
 
 def _sees_ave(method):
@@ -177,7 +186,7 @@ def iterate(problem, method, start, kernels=False):
     if m == 0:
         return Answer(q, jnp.int32(Status.SOLVED), q), jnp.int32(0)
     if kernels:
-        z, certificate, outcome, steps, _ = method.compiled(problem, start)
+        z, certificate, outcome, steps, _ = method.compiled(problem, start, certified=True)
         return Answer(z, outcome, certificate), steps
     budget = method.budget(m)
     if budget == 0:

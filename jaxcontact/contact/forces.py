@@ -15,7 +15,7 @@ from ..dynamics.numbers import is_concrete
 from ..dynamics.sound import refuse_unsound
 from .certificate import Certificate, certificate
 from .law import coefficients, stands_still
-from .mass import stiffened, stiffening
+from .mass import is_definite, stiffened, stiffening
 from .residuals import Motion, Residuals, residuals
 from .sliding import Sliding, contradiction, length_of, normal_forces, sliding, sort_contacts, with_sign
 from .soundness import harmless, is_sound, without_idle_directions
@@ -111,6 +111,9 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
     return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
 
 
+_terms = jax.jit(terms, inline=True)  # needed with and without derivatives, traced once
+
+
 class Seen(NamedTuple):
     """What the door looks at; `L` only says whether the mass matrix is sound."""
 
@@ -127,7 +130,7 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     seen, still, gamma, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
     clear = sound & ~jnp.any(still & (mu > 0))
     mechanism, state, mu = _differentiable_where(clear, (mechanism, state, mu))
-    parts = harmless(without_idle_directions(terms(mechanism, state), still), clear)
+    parts = harmless(without_idle_directions(_terms(mechanism, state), still), clear)
     friction = jnp.where(clear, mu * jnp.sign(parts.slip), 0)
     operators = whitened(stiffened(parts, contacts, jnp.where(clear, gamma, 0)), contacts)
     found = sliding(operators, friction)
@@ -145,15 +148,22 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
 def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Array, Array]:
     """(what is seen, contacts without slip (m,), stiffening of the mass matrix, whether all input is sound)."""
     contacts = mechanism.contacts
-    parts = terms(mechanism, state)
-    still = stands_still(contacts, parts, state)
-    parts = without_idle_directions(parts, still)
-    gamma, massive = stiffening(parts, contacts)
-    energy = jnp.zeros((), state.q.dtype)
+
+    def look(mechanism, state, mu):
+        parts = _terms(mechanism, state)
+        still = stands_still(contacts, parts, state)
+        sound = is_sound(contacts, without_idle_directions(parts, still), state, mu)
+        return still, sound, is_definite(parts.M)
+
+    still, sound, regular = linalg.packed(look)(mechanism, state, mu)
+    parts = without_idle_directions(_terms(mechanism, state), still)
+    zero = jnp.zeros((), state.q.dtype)
+    gamma, massive = linalg.where_needed(~regular, lambda p: stiffening(p, contacts), (zero, regular), parts)
+    energy = zero
     if not hasattr(mechanism, "mass_matrix"):
         energy = mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))
     seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan), energy)
-    return seen, still, gamma, massive & is_sound(contacts, parts, state, mu)
+    return seen, still, gamma, massive & sound
 
 
 def _differentiable_where(clear: Array, tree: Any) -> Any:
@@ -185,7 +195,7 @@ def _status(operators: Delassus, found: Sliding, solution: Solution | None) -> A
 def _judged(parts, operators, friction, found, solution, normal, a, status) -> ContactForces:
     """The record; where there is no answer, or the mechanics are not satisfied, NaN."""
     contacts, eps = operators.contacts, float(jnp.finfo(a.dtype).eps)
-    misses = residuals(contacts, *lax.stop_gradient((parts, _motion(operators, friction, normal, a))))
+    misses = _misses(contacts, *lax.stop_gradient((parts, operators, friction, normal, a)))
     claimed = (status == int(Status.SOLVED)) | (status == int(Status.REDUNDANT))
     small = misses.largest <= ROUNDING * sum(parts.G.shape) * eps
     status = jnp.where(claimed & ~small, int(Status.INACCURATE), status).astype(jnp.int32)
@@ -208,10 +218,12 @@ def _judged(parts, operators, friction, found, solution, normal, a, status) -> C
     )
 
 
-def _motion(operators: Delassus, friction: Array, normal: Array, a: Array) -> Motion:
-    lengths = length_of(operators.N)
-    load = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
-    return Motion(a, normal, -friction * jnp.abs(normal), friction, lengths, load)
+def _misses(contacts, parts, operators, friction, normal, a) -> Residuals:
+    def measured(parts, N, L, F, friction, normal, a):
+        load = length_of(linalg.solve_lower(L, F)[:, None])[0]
+        return residuals(contacts, parts, Motion(a, normal, -friction * jnp.abs(normal), friction, length_of(N), load))
+
+    return linalg.packed(measured)(parts, operators.N, operators.L, operators.terms.F, friction, normal, a)
 
 
 def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
@@ -226,8 +238,11 @@ def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
 def _certified(found: Sliding) -> Array:
     """bool: sigma_min(N)^2 > sigma_max(N^T D), so that W - Wt D is positive definite for all signs and the solution is
     unique (the direct bound of the mixed problem), and the linear contacts are independent."""
-    found = lax.stop_gradient(found)
-    noise = dependence(sum(found.N.shape), found.N.dtype)
-    least, greatest = linalg.singular_value_min(found.N), linalg.singular_value_max(found.N)
-    pulled = linalg.singular_value_max(linalg.gram(found.N, found.D))
-    return (least > noise * greatest) & (least**2 * (1 - noise) > pulled) & ~found.span.deficient
+
+    def unique(N, D):
+        noise = dependence(sum(N.shape), N.dtype)
+        least, greatest = linalg.singular_value_min(N), linalg.singular_value_max(N)
+        pulled = linalg.singular_value_max(linalg.gram(N, D))
+        return (least > noise * greatest) & (least**2 * (1 - noise) > pulled)
+
+    return linalg.packed(unique)(*lax.stop_gradient((found.N, found.D))) & ~found.span.deficient

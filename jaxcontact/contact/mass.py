@@ -12,6 +12,7 @@ and ker M meets ker G_b^T in zero only, which is the condition of Proposition 1(
 from dataclasses import replace
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 
 from .. import linalg
@@ -59,7 +60,7 @@ def is_definite(M: Array) -> Array:
     M = lax.stop_gradient(M)
     L = linalg.cholesky(M)
     noise = SINGULAR * n * float(jnp.finfo(M.dtype).eps)
-    return jnp.all(jnp.diagonal(L) ** 2 > noise * jnp.diagonal(M)) & jnp.all(jnp.isfinite(L))
+    return jnp.all(linalg.diagonal(L) ** 2 > noise * linalg.diagonal(M)) & jnp.all(jnp.isfinite(L))
 
 
 def _stiffness(M: Array, G: Array) -> Array:
@@ -71,4 +72,4 @@ def _stiffness(M: Array, G: Array) -> Array:
 def _is_semidefinite(M: Array, stiffer: Array) -> Array:
     """bool: M has no negative direction, up to half the digits: M + sqrt(eps) (diag |M| + Gamma) is definite."""
     share = float(jnp.finfo(M.dtype).eps) ** 0.5
-    return is_definite(M + share * (jnp.diag(jnp.abs(jnp.diagonal(M))) + stiffer))
+    return is_definite(M + share * (jnp.where(np.eye(len(M), dtype=bool), jnp.abs(M), 0) + stiffer))

@@ -74,7 +74,7 @@ def residuals(contacts: tuple[Contact, ...], parts: Terms, motion: Motion) -> Re
 
 def _unit_of_coordinates(M: Array) -> Array:
     """(n,) sqrt(M_ii), 1 where that is zero."""
-    diagonal = jnp.diagonal(M)
+    diagonal = linalg.diagonal(M)
     return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1))
 
 

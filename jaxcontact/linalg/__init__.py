@@ -1,6 +1,6 @@
 """Small dense linear algebra that batches: factors, solves, singular values."""
 
-from jaxcontact.linalg.batches import compiler_options, in_chunks, walled, where_needed
+from jaxcontact.linalg.batches import compiler_options, for_the_few, in_chunks, walled, where_needed
 from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
 from jaxcontact.linalg.decomposition import decomposition
 from jaxcontact.linalg.extrema import greatest, least
@@ -15,6 +15,7 @@ from jaxcontact.linalg.factors import (
 )
 from jaxcontact.linalg.fused import as_one, from_one, fused
 from jaxcontact.linalg.jacobi import singular_values_jacobi
+from jaxcontact.linalg.packed import packed
 from jaxcontact.linalg.singular import (
     singular_pair_max,
     singular_pair_min,
@@ -23,7 +24,7 @@ from jaxcontact.linalg.singular import (
 )
 from jaxcontact.linalg.spectrum import real_eigenvalue_max
 from jaxcontact.linalg.symmetric import symmetric_eigenvalue_max, symmetric_eigenvalue_min
-from jaxcontact.linalg.unrolled import shield
+from jaxcontact.linalg.unrolled import diagonal, shield
 
 __all__ = [
     "as_one",
@@ -33,13 +34,16 @@ __all__ = [
     "det",
     "det2",
     "det3",
+    "diagonal",
     "dot",
+    "for_the_few",
     "from_one",
     "fused",
     "gram",
     "greatest",
     "in_chunks",
     "least",
+    "packed",
     "project_out",
     "real_eigenvalue_max",
     "shield",

@@ -3,6 +3,8 @@
 Functions are written for one problem; these rules say what `jax.vmap` makes of them. A vmap of a vmap is one batch.
 """
 
+import functools
+import operator
 from collections.abc import Callable
 
 import jax
@@ -33,10 +35,7 @@ def in_chunks(function: Callable, lanes: int) -> Callable:
 
     @many.def_vmap
     def _(size, batched, *arguments):
-        flat = [x.reshape(-1, *x.shape[2:]) for x in _spread(size, batched, arguments)]
-        results = many(*jax.tree.unflatten(jax.tree.structure(arguments), flat))
-        results = jax.tree.map(lambda x: x.reshape(size, -1, *x.shape[1:]), results)
-        return results, jax.tree.map(lambda _: True, results)
+        return _as_one_batch(many, size, batched, arguments)
 
     @custom_vmap
     def one(*arguments):
@@ -90,6 +89,50 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
     return one(needed, otherwise, *arguments)
 
 
+def for_the_few(needed: jax.Array, function: Callable, otherwise, *arguments, lanes: int):
+    """As `where_needed`, for a `function` worth the trouble of picking the lanes out of a batch that need it: these
+    alone are computed, at most `lanes` at a time. Not to be differentiated.
+
+    >>> for_the_few(doubtful, again, first, problem, lanes=256)
+    """
+
+    @custom_vmap
+    def many(needed, otherwise, arguments):
+        size = len(needed)
+        width = min(lanes, size)
+        order, count = jnp.argsort(~needed), jnp.sum(needed)
+
+        def advance(k, results):
+            # the last group begins earlier, with lanes that are done again, or with some that do not need it
+            begin = jnp.minimum(k * width, size - width)
+            chosen = lax.dynamic_slice_in_dim(order, begin, width)
+            found = jax.vmap(function)(*jax.tree.map(lambda x: x[chosen], arguments))
+
+            def put(whole, part):
+                wanted = needed[chosen].reshape(-1, *[1] * (part.ndim - 1))
+                return whole.at[chosen].set(jnp.where(wanted, part, whole[chosen]))
+
+            return jax.tree.map(put, results, found)
+
+        return lax.fori_loop(0, -(-count // width), advance, otherwise) if size else otherwise
+
+    @many.def_vmap
+    def _(size, batched, *given):
+        return _as_one_batch(many, size, batched, given)
+
+    @custom_vmap
+    def one(needed, otherwise, arguments):
+        return lax.cond(needed, lambda given: function(*given), lambda _: otherwise, arguments)
+
+    @one.def_vmap
+    def _(size, batched, *given):
+        spread = _spread(size, batched, given)
+        results = many(*jax.tree.unflatten(jax.tree.structure(given), spread))
+        return results, jax.tree.map(lambda _: True, results)
+
+    return one(needed, otherwise, arguments)
+
+
 def walled(function: Callable) -> Callable:
     """`function` as a computation of its own, which XLA neither repeats for each user of its results nor takes apart.
 
@@ -98,6 +141,7 @@ def walled(function: Callable) -> Callable:
 
     >>> jax.vmap(walled(lambda x: x + 1))(jnp.zeros(3))     # ones
     """
+    function = jax.jit(function)  # traced once, for its shapes and for itself
 
     @custom_vmap
     def one(*arguments):
@@ -106,7 +150,10 @@ def walled(function: Callable) -> Callable:
         def nothing(*_):
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
-        return lax.cond(_always(arguments), function, nothing, *arguments)
+        def everything(*arguments):
+            return lax.optimization_barrier(function(*arguments))  # or a branch of cheap operations becomes a select
+
+        return lax.cond(_always(arguments), everything, nothing, *arguments)
 
     @one.def_vmap
     def _(size, batched, *arguments):
@@ -118,11 +165,11 @@ def walled(function: Callable) -> Callable:
 
 
 def _always(arguments):
-    """True, as a computed number: 0 x is zero or NaN, and neither is one."""
-    for x in jax.tree.leaves(arguments):
-        if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
-            return 0 * x[(0,) * x.ndim] != 1
-    return True
+    """True, as a computed number: the bits of a number with the last one set are not all zero. Of the first rows of
+    all arguments, as many a number is a constant in the end."""
+    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(x.dtype, jnp.floating) and x.size]
+    bits = (lax.bitcast_convert_type(x[:1] if x.ndim else x, f"uint{8 * x.dtype.itemsize}") for x in numbers)
+    return functools.reduce(operator.and_, (jnp.all((b | 1) != 0) for b in bits)) if numbers else True
 
 
 def _spread(size, batched, arguments):
@@ -130,6 +177,16 @@ def _spread(size, batched, arguments):
     flags = jax.tree.leaves(batched)
     leaves = jax.tree.leaves(arguments)
     return [x if b else jnp.broadcast_to(x, (size, *x.shape)) for x, b in zip(leaves, flags, strict=True)]
+
+
+def _as_one_batch(many, size, batched, arguments):
+    """What a rule for a batch of batches returns: `many` on all problems in one row."""
+    spread = _spread(size, batched, arguments)
+    inner = spread[0].shape[1]
+    flat = [x.reshape(size * inner, *x.shape[2:]) for x in spread]
+    results = many(*jax.tree.unflatten(jax.tree.structure(arguments), flat))
+    results = jax.tree.map(lambda x: x.reshape(size, inner, *x.shape[1:]), results)
+    return results, jax.tree.map(lambda _: True, results)
 
 
 def _chunk_by_chunk(function, lanes, arguments):

@@ -8,6 +8,7 @@ from functools import reduce
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxcontact.linalg.batches import walled
@@ -39,6 +40,16 @@ def entries(A: jax.Array) -> list[list[Scalar]]:
     """The rows of a matrix (n, m) as lists of scalars."""
     row, m = in_a_row(A), A.shape[1]
     return [row[i * m : (i + 1) * m] for i in range(A.shape[0])]
+
+
+def diagonal(A: jax.Array) -> jax.Array:
+    """(n,) A_ii; of a small matrix as a sum over rows with one entry left, which fuses.
+
+    >>> diagonal(jnp.eye(2))     # ones
+    """
+    if len(A) <= UNROLL_LIMIT:
+        return jnp.sum(jnp.where(np.eye(*A.shape, dtype=bool), A, 0), axis=1)
+    return jnp.diagonal(A)
 
 
 def columns(A: jax.Array) -> list[list[Scalar]]:

@@ -21,12 +21,13 @@ import numpy as np
 
 from jaxcontact.native.build import library
 
-KERNELS = ("principal", "lemke", "direct", "gauss_seidel", "findings", "condition")
+KERNELS = ("principal", "lemke", "direct", "gauss_seidel", "measure", "classify", "condition", "pairs")
 
 REALS = {"float64": "double", "float32": "float"}
 
-DATA_FINITE, POINT_FINITE = 1, 2
-"""Bits of the flags in `findings`."""
+DATA_FINITE, POINT_FINITE, PROVED, DEPENDENT = 1, 2, 4, 8
+"""Bits of the flags: the data are finite, the point is; the certificate excludes a feasible point; no mode is regular
+(of `pairs` alone)."""
 
 _wanted = True
 
@@ -64,21 +65,26 @@ def unused() -> Iterator[None]:
         _wanted = before
 
 
-class Findings(NamedTuple):
-    """What is measured of a point z of an LCP, as in `complementarity.residuals`."""
+class Measures(NamedTuple):
+    """What is measured of a point z of a problem, as in `complementarity.residuals`."""
 
-    w: jax.Array
-    """(m,) M z + q"""
     eta: jax.Array
     """backward error"""
     rho: jax.Array
     """residual"""
+    flags: jax.Array
+    """int32, the bits above; a certificate is looked at where eta and rho are not small"""
+
+
+class Classes(NamedTuple):
+    """The slacks of an LCP at a point z, and which of its pairs press."""
+
+    w: jax.Array
+    """(m,) M z + q"""
     active: jax.Array
     """(m,) bool"""
     degenerate: jax.Array
     """(m,) bool"""
-    flags: jax.Array
-    """int32, bits DATA_FINITE and POINT_FINITE"""
 
 
 class Answers(NamedTuple):
@@ -87,41 +93,58 @@ class Answers(NamedTuple):
     z: jax.Array
     """(m,) >= 0"""
     certificate: jax.Array
-    """(m,) as in `complementarity.method.Answer`"""
+    """(m,) as in `complementarity.method.Answer`, or (0,) where it is not asked for"""
     outcome: jax.Array
     """int32 `Status`"""
     steps: jax.Array
     """int32"""
-    found: Findings
+    measures: Measures
 
 
-def principal(M, q, wanted, budget: int) -> Answers:
+class Pairs(NamedTuple):
+    """The best candidate of one or two pairs in horizontal form, and all that the judge asks of it."""
+
+    z: jax.Array
+    """(m,) >= 0"""
+    w: jax.Array
+    """(m,) >= 0, zero where z is not"""
+    condition: jax.Array
+    """of the equations of its mode, inf if they are singular"""
+    active: jax.Array
+    """(m,) bool"""
+    degenerate: jax.Array
+    """(m,) bool"""
+    measures: Measures
+
+
+def principal(M, q, wanted, budget: int, certified: bool = False) -> Answers:
     """Principal pivoting, `complementarity.principal`.
 
-    M (m, m), q (m,); wanted (m,) bool or (0,): rows to make active first. Leading axes are batches here and below.
+    M (m, m), q (m,); wanted (m,) bool or (0,): rows to make active first; certified: whether the certificate is given
+    and not only looked at. Leading axes are batches here and below.
 
     >>> principal(jnp.eye(1), -jnp.ones(1), jnp.ones(0, bool), 10).z     # 1
     """
-    return _answers(_call("principal", [*_answer_like(q), *_findings_like(q)], M, q, wanted, budget=np.int64(budget)))
+    return _answered("principal", certified, M, q, wanted, budget=np.int64(budget))
 
 
-def lemke(M, q, covering, budget: int) -> Answers:
+def lemke(M, q, covering, budget: int, certified: bool = False) -> Answers:
     """Lemke's method, `complementarity.lemke`; covering (m,), or (0,) for ones.
 
     >>> lemke(jnp.eye(1), -jnp.ones(1), jnp.ones(0), 10).outcome     # SOLVED
     """
-    return _answers(_call("lemke", [*_answer_like(q), *_findings_like(q)], M, q, covering, budget=np.int64(budget)))
+    return _answered("lemke", certified, M, q, covering, budget=np.int64(budget))
 
 
-def direct(M, q) -> Answers:
+def direct(M, q, certified: bool = False) -> Answers:
     """Every mode of up to four contacts, `complementarity.direct`, which refuses more.
 
     >>> direct(jnp.eye(1), -jnp.ones(1)).z     # 1
     """
-    return _answers(_call("direct", [*_answer_like(q), *_findings_like(q)], M, q))
+    return _answered("direct", certified, M, q)
 
 
-def gauss_seidel(M, q, start, sweeps: int, relaxation: float, target: float) -> Answers:
+def gauss_seidel(M, q, start, sweeps: int, relaxation: float, target: float, certified: bool = False) -> Answers:
     """Projected Gauss-Seidel, `complementarity.gauss_seidel`; start (m,), or (0,) for zeros.
 
     A problem rests once its backward error is at most `target`.
@@ -129,15 +152,23 @@ def gauss_seidel(M, q, start, sweeps: int, relaxation: float, target: float) -> 
     >>> gauss_seidel(jnp.eye(1), -jnp.ones(1), jnp.ones(0), 10, 1.0, 1e-15).z     # 1
     """
     options = {"sweeps": np.int64(sweeps), "relaxation": np.float64(relaxation), "target": np.float64(target)}
-    return _answers(_call("gauss_seidel", [*_answer_like(q), *_findings_like(q)], M, q, start, **options))
+    return _answered("gauss_seidel", certified, M, q, start, **options)
 
 
-def findings(M, q, z) -> Findings:
-    """`Findings` of a point z (m,) from elsewhere.
+def measure(M, q, z, certificate) -> Measures:
+    """`Measures` of a point z (m,) and a certificate (m,) from elsewhere.
 
-    >>> findings(jnp.eye(1), -jnp.ones(1), jnp.ones(1)).eta     # 0
+    >>> measure(jnp.eye(1), -jnp.ones(1), jnp.ones(1), jnp.zeros(1)).eta     # 0
     """
-    return Findings(*_call("findings", _findings_like(q), M, q, z))
+    return Measures(*_call("measure", _measures_like(q), M, q, z, certificate))
+
+
+def classify(M, q, z) -> Classes:
+    """`Classes` of a point z (m,).
+
+    >>> classify(jnp.eye(1), -jnp.ones(1), jnp.ones(1)).active     # True
+    """
+    return Classes(*_call("classify", [_like(q), _like(q, bool), _like(q, bool)], M, q, z))
 
 
 def condition(M, held):
@@ -148,19 +179,25 @@ def condition(M, held):
     return _call("condition", _like(M[..., 0, 0]), M, held)
 
 
-def _answers(results) -> Answers:
-    answer = len(Answers._fields) - 1
-    return Answers(*results[:answer], Findings(*results[answer:]))
+def pairs(P, N, q) -> Pairs:
+    """The best candidate of P z - N w + q = 0 for one or two pairs, `complementarity.pairs`; (m, m), (m, m), (m,).
+
+    >>> pairs(jnp.eye(1), jnp.eye(1), -jnp.ones(1)).z     # 1
+    """
+    results = [_like(q), _like(q), _like(q[..., 0]), _like(q, bool), _like(q, bool), *_measures_like(q)]
+    *found, eta, rho, flags = _call("pairs", results, P, N, q)
+    return Pairs(*found, Measures(eta, rho, flags))
 
 
-def _answer_like(q):
+def _answered(name, certified, M, q, *more, **options) -> Answers:
     number = _like(q[..., 0], jnp.int32)
-    return [_like(q), _like(q), number, number]
+    results = [_like(q), _like(q if certified else q[..., :0]), number, number, *_measures_like(q)]
+    *answer, eta, rho, flags = _call(name, results, M, q, *more, **options)
+    return Answers(*answer, Measures(eta, rho, flags))
 
 
-def _findings_like(q):
-    scalar, mask = _like(q[..., 0]), _like(q, bool)
-    return [_like(q), scalar, scalar, mask, mask, _like(q[..., 0], jnp.int32)]
+def _measures_like(q):
+    return [_like(q[..., 0]), _like(q[..., 0]), _like(q[..., 0], jnp.int32)]
 
 
 def _like(x, dtype=None):

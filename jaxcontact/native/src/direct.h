@@ -149,12 +149,12 @@ inline void correct_in_mode(const Group<m, Real>& group, const Lanes<Real> (&mis
   for (int i = 0; i < m; ++i) z[i] -= z[i] != 0 ? minors.replaced(whole, i) * inverse : V{};
 }
 
-// `count` problems, up to one group.
+// A group of problems.
 template <int m, class Real>
-void direct(const Real* M, const Real* q, int count, Real* z, Real* certificate, int* outcome) {
+void direct(const Given<m, Real>& given, Real* z, Real* certificate, int* outcome) {
   using V = Lanes<Real>;
   Group<m, Real> group;
-  load(M, q, count, group);
+  load(given, group);
   V found[m];
   Masks<Real> none = ~Masks<Real>{};
   if constexpr (m <= 2) {
@@ -164,11 +164,9 @@ void direct(const Real* M, const Real* q, int count, Real* z, Real* certificate,
     refine_lanes<m, Real>(group, found, DirectRules::corrections,
                           [&](const V(&miss)[m], V(&z)[m]) { correct_in_mode<m, Real>(group, miss, z); });
   }
-  scatter(group, found, count, z);
-  for (int lane = 0; lane < count; ++lane) {
-    hopeless_row(M + lane * m * m, q + lane * m, m, certificate + lane * m);
-    outcome[lane] = none[lane] ? NO_SOLUTION : INACCURATE;
-  }
+  scatter(group, found, given.count, z);
+  hopeless_rows(given, certificate);
+  for (int lane = 0; lane < given.count; ++lane) outcome[lane] = none[lane] ? NO_SOLUTION : INACCURATE;
 }
 
 }  // namespace jaxcontact

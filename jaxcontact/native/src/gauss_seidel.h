@@ -11,18 +11,19 @@ struct Sweeps {
   double relaxation, target;
 };
 
-// `count` problems, up to one group, measured as the judge measures them; start: (m) each, or null for zeros.
+// A group of problems, measured as the judge measures them; start: (m) each, or null for zeros.
 template <int m, class Real>
-void gauss_seidel_lanes(const Real* M, const Real* q, const Real* start, int count, const Sweeps& sweeps, Real* z,
+void gauss_seidel_lanes(const Given<m, Real>& given, const Real* start, const Sweeps& sweeps, Real* z,
                         Real* certificate, int* outcome, int* steps, const Found<Real>& found) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  GroupJudge<m, Real> judge(M, q, count);
+  const int count = given.count;
+  GroupJudge<m, Real> judge(given);
   V x[m] = {}, step[m];
   if (start) read_lanes<m>(start, count, x);
   for (int i = 0; i < m; ++i) {
-    const K positive = judge.A[i][i] > 0;
-    step[i] = positive ? Real(sweeps.relaxation) / (positive ? judge.A[i][i] : V{} + 1) : V{};
+    const K positive = given.A[i][i] > 0;
+    step[i] = positive ? Real(sweeps.relaxation) / (positive ? given.A[i][i] : V{} + 1) : V{};
   }
   K taken{}, going = ~K{};
   for (int sweep = 0;; ++sweep) {
@@ -31,16 +32,16 @@ void gauss_seidel_lanes(const Real* M, const Real* q, const Real* start, int cou
     if (sweep == sweeps.most || !any_lane<Real>(going)) break;
     taken -= going;
     for (int i = 0; i < m; ++i) {
-      V w = judge.load[i];
-      for (int j = 0; j < m; ++j) w += judge.A[i][j] * x[j];
+      V w = given.load[i];
+      for (int j = 0; j < m; ++j) w += given.A[i][j] * x[j];
       x[i] = going ? cut(x[i] - step[i] * w) : x[i];
     }
   }
   write_lanes<m>(x, count, z);
   write_integers<Real>(going ? K{} + int(MAX_STEPS) : K{} + int(SOLVED), count, outcome);
   write_integers<Real>(taken, count, steps);
-  for (int lane = 0; lane < count; ++lane) hopeless_row(M + lane * m * m, q + lane * m, m, certificate + lane * m);
-  judge.write(count, found);
+  hopeless_rows(given, certificate);
+  judge.write(certificate, found);
 }
 
 // One problem of any size.
@@ -54,7 +55,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   for (int i = 0; i < stride; ++i) x[i] = i < m && start ? start[i] : 0;
   for (int i = 0; i < m; ++i) step[i] = M[i * m + i] > 0 ? Real(sweeps.relaxation) / M[i * m + i] : 0;
   for (*steps = 0;; ++*steps) {
-    measure<S>(q, x, work, found);
+    measure(at_point<S>(q, x, work), found);
     const bool going = is_finite(*found.eta) && !(*found.eta <= Real(sweeps.target));
     *outcome = going ? MAX_STEPS : SOLVED;
     if (!going || *steps == sweeps.most) break;
@@ -67,7 +68,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   }
   for (int i = 0; i < m; ++i) z[i] = x[i];
   hopeless_row(M, q, m, certificate);
-  write_flags(M, q, z, m, found);
+  write_flags(M, at_point<S>(q, x, work), certificate, found);
 }
 
 }  // namespace jaxcontact

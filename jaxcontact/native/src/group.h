@@ -101,27 +101,31 @@ inline void write_masks(const Masks<Real>* from, int count, bool* to) {
 // Whole numbers, one to a problem.
 template <class Real>
 inline void write_integers(Masks<Real> from, int count, int* to) {
-  for (int lane = 0; lane < count; ++lane) to[lane] = int(from[lane]);
+  typedef int Integers __attribute__((vector_size(sizeof(int) * Format<Real>::width)));
+  const Integers found = __builtin_convertvector(from, Integers);
+  std::memcpy(to, &found, count == Format<Real>::width ? sizeof found : sizeof(int) * count);
 }
 
+// The numbers of a group as they came, and the exponents of `row_exponents` where the diagonal is positive and finite;
+// where it is not, `plain` is false.
 template <int m, class Real>
-inline void gather(const Real* M, const Real* q, int count, Lanes<Real> (&entries)[m][m], Lanes<Real> (&load)[m]) {
-  read_lanes<m * m>(M, count, &entries[0][0]);
-  read_lanes<m>(q, count, load);
-}
+struct Given {
+  const Real *M, *q;
+  int count;
+  Lanes<Real> A[m][m], load[m];
+  Masks<Real> rows[m], plain = ~Masks<Real>{};
 
-// The row exponents of `row_exponents` where the diagonal is positive and finite; where it is not, false.
-template <int m, class Real>
-inline Masks<Real> row_exponents_of_lanes(const Lanes<Real> (&M)[m][m], Masks<Real> (&rows)[m]) {
-  Masks<Real> plain = ~Masks<Real>{};
-  for (int i = 0; i < m; ++i) {
-    plain &= (M[i][i] > 0) & (M[i][i] < infinity<Real>);
-    rows[i] = exponents<Real>(M[i][i]);
+  Given(const Real* M, const Real* q, int count) : M(M), q(q), count(count) {
+    read_lanes<m * m>(M, count, &A[0][0]);
+    read_lanes<m>(q, count, load);
+    for (int i = 0; i < m; ++i) {
+      plain &= (A[i][i] > 0) & (A[i][i] < infinity<Real>);
+      rows[i] = exponents<Real>(A[i][i]);
+    }
+    const Masks<Real> odd = rows[0] & 1;
+    for (int i = 0; i < m; ++i) rows[i] = -((rows[i] - odd) >> 1);
   }
-  const Masks<Real> odd = rows[0] & 1;
-  for (int i = 0; i < m; ++i) rows[i] = -((rows[i] - odd) >> 1);
-  return plain;
-}
+};
 
 // One lane balanced with care by the code for single problems.
 template <int m, class Real>
@@ -140,24 +144,23 @@ void balance_lane(const Real* M, const Real* q, int lane, Group<m, Real>& group)
 
 // The problems of a group, balanced by powers of two.
 template <int m, class Real>
-inline void load(const Real* M, const Real* q, int count, Group<m, Real>& group) {
+inline void load(const Given<m, Real>& given, Group<m, Real>& group) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
   constexpr int room = Format<Real>::bias / 4;
-  gather<m>(M, q, count, group.M, group.q);
-  K rows[m], plain = row_exponents_of_lanes<m, Real>(group.M, rows);
+  K plain = given.plain;
   V largest{}, heaviest{};
   for (int i = 0; i < m; ++i) {
-    plain &= (rows[i] < room) & (rows[i] > -room);
-    group.unit[i] = powers_of_two<Real>(rows[i]);
+    plain &= (given.rows[i] < room) & (given.rows[i] > -room);
+    group.unit[i] = powers_of_two<Real>(given.rows[i]);
   }
   for (int i = 0; i < m; ++i) {
     for (int j = 0; j < m; ++j) {
-      group.M[i][j] = group.M[i][j] * group.unit[i] * group.unit[j];
+      group.M[i][j] = given.A[i][j] * group.unit[i] * group.unit[j];
       largest = larger_lanes(largest, size_of_lanes(group.M[i][j]));
       plain &= group.M[i][j] == group.M[i][j];
     }
-    group.q[i] = group.q[i] * group.unit[i];
+    group.q[i] = given.load[i] * group.unit[i];
     heaviest = larger_lanes(heaviest, size_of_lanes(group.q[i]));
     plain &= group.q[i] == group.q[i];
   }
@@ -171,8 +174,8 @@ inline void load(const Real* M, const Real* q, int count, Group<m, Real>& group)
   group.whole = powers_of_two<Real>(size_q - size_M);
   if (!any_lane<Real>(~plain)) return;
   for (int lane = 0; lane < Format<Real>::width; ++lane) {
-    const int from = lane < count ? lane : 0;
-    if (!plain[lane]) balance_lane<m>(M + from * m * m, q + from * m, lane, group);
+    const int from = lane < given.count ? lane : 0;
+    if (!plain[lane]) balance_lane<m>(given.M + from * m * m, given.q + from * m, lane, group);
   }
 }
 
@@ -225,6 +228,21 @@ inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int c
     least = better ? found : least;
   }
   for (int i = 0; i < m; ++i) z[i] = best[i];
+}
+
+// `hopeless_row` of every problem.
+template <int m, class Real>
+inline void hopeless_rows(const Given<m, Real>& given, Real* certificate) {
+  std::memset(certificate, 0, sizeof(Real) * m * given.count);
+  Masks<Real> any{};
+  for (int i = 0; i < m; ++i) {
+    Masks<Real> hopeless = given.load[i] < 0;
+    for (int j = 0; j < m; ++j) hopeless &= given.A[i][j] <= 0;
+    any |= hopeless;
+  }
+  if (!any_lane<Real>(any)) return;
+  for (int lane = 0; lane < given.count; ++lane)
+    hopeless_row(given.M + lane * m * m, given.q + lane * m, m, certificate + lane * m);
 }
 
 // z of the caller, written problem by problem.

@@ -5,10 +5,11 @@
 #include <type_traits>
 #include <utility>
 
+#include "condition.h"
 #include "direct.h"
-#include "findings.h"
 #include "gauss_seidel.h"
 #include "lemke.h"
+#include "pairs.h"
 #include "principal.h"
 #include "xla/ffi/api/ffi.h"
 
@@ -92,59 +93,66 @@ inline int64_t problems(const Vectors& q) {
 
 // Where results go: what a method says of a problem, and what is measured of it while it is still at hand.
 struct Results {
-  Real *z, *certificate;
+  Real *z, *certificate;  // no certificate: it is only looked at
   int32_t *outcome, *steps;
   Found<Real> found;
   int64_t m;
 
-  Found<Real> found_at(int64_t b) const {
-    return {found.w + b * m,          found.eta + b,  found.rho + b, found.active + b * m,
-            found.degenerate + b * m, found.flags + b};
+  Real* certificate_at(int64_t b, Workspace<Real>& work) const {
+    return certificate ? certificate + b * m : work.certificate.data();
   }
+  Found<Real> found_at(int64_t b) const { return {found.eta + b, found.rho + b, found.flags + b}; }
 };
 
-inline Found<Real> found_in(ToNumbers& w, ToNumbers& eta, ToNumbers& rho, ToBooleans& active, ToBooleans& degenerate,
-                            ToIntegers& flags) {
-  return {w->typed_data(),      eta->typed_data(),        rho->typed_data(),
-          active->typed_data(), degenerate->typed_data(), flags->typed_data()};
-}
-
-// All problems by a method, each measured behind it: of_group(size, b, count, to) for problems that fit a group, else
-// alone(stride, b, work, to) one by one.
+// All problems, pieces of them in parallel: of_group(size, b, count, work) for problems that fit a group, else
+// alone(stride, b, work) one by one.
 template <class OfGroup, class Alone>
-ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results& to, bool grouped, int extra,
-                  OfGroup of_group, Alone alone) {
-  const int64_t m = to.m;
-  const Real *M = M_.typed_data(), *q = q_.typed_data();
-  in_pieces(pool, problems(q_), m * m, grouped ? W : 1, [=](int64_t first, int64_t last) {
+ffi::Error over_problems(ffi::ThreadPool& pool, int64_t total, int64_t m, int64_t weight, bool grouped, int extra,
+                         OfGroup of_group, Alone alone) {
+  in_pieces(pool, total, m * m * weight, grouped ? W : 1, [=](int64_t first, int64_t last) {
     Workspace<Real> work(int(m), extra);
     if (grouped) {
       with_few_contacts(int(m), [&](auto size) {
-        for (int64_t b = first; b < last; b += W) {
-          const int count = int(last - b < W ? last - b : W);
-          of_group(size, b, count, work);
-          findings_of_group<size()>(M + b * m * m, q + b * m, to.z + b * m, count, to.found_at(b));
-        }
+        for (int64_t b = first; b < last; b += W) of_group(size, b, int(last - b < W ? last - b : W), work);
       });
       return;
     }
     with_stride<Real>(work.stride, [&](auto stride) {
-      for (int64_t b = first; b < last; ++b) {
-        alone(stride, b, work);
-        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, work, to.found_at(b));
-      }
+      for (int64_t b = first; b < last; ++b) alone(stride, b, work);
     });
   });
   return ffi::Error::Success();
 }
 
-#define JAXCONTACT_RESULTS                                                                                             \
-  ToNumbers z, ToNumbers certificate, ToIntegers outcome, ToIntegers steps, ToNumbers w, ToNumbers eta, ToNumbers rho, \
-      ToBooleans active, ToBooleans degenerate, ToIntegers flags
-#define JAXCONTACT_TO                                                                       \
-  Results {                                                                                 \
-    z->typed_data(), certificate->typed_data(), outcome->typed_data(), steps->typed_data(), \
-        found_in(w, eta, rho, active, degenerate, flags), contacts(q_)                      \
+// All problems by a method, each measured behind it: of_group(given, b, work, certificate) and alone(stride, b, work,
+// certificate).
+template <class OfGroup, class Alone>
+ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results& to, bool grouped, int extra,
+                  OfGroup of_group, Alone alone) {
+  const int64_t m = to.m;
+  const Real *M = M_.typed_data(), *q = q_.typed_data();
+  return over_problems(
+      pool, problems(q_), m, 1, grouped, extra,
+      [=](auto size, int64_t b, int count, Workspace<Real>& work) {
+        Real* certificate = to.certificate_at(b, work);
+        const Given<size(), Real> given(M + b * m * m, q + b * m, count);
+        of_group(given, b, work, certificate);
+        findings_of_group(given, to.z + b * m, certificate, to.found_at(b));
+      },
+      [=](auto stride, int64_t b, Workspace<Real>& work) {
+        Real* certificate = to.certificate_at(b, work);
+        alone(stride, b, work, certificate);
+        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, certificate, work, to.found_at(b));
+      });
+}
+
+#define JAXCONTACT_RESULTS                                                                                \
+  ToNumbers z, ToNumbers certificate, ToIntegers outcome, ToIntegers steps, ToNumbers eta, ToNumbers rho, \
+      ToIntegers flags
+#define JAXCONTACT_TO                                                                                             \
+  Results {                                                                                                       \
+    z->typed_data(), certificate->element_count() ? certificate->typed_data() : nullptr, outcome->typed_data(),   \
+        steps->typed_data(), Found<Real>{eta->typed_data(), rho->typed_data(), flags->typed_data()}, contacts(q_) \
   }
 
 ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans wanted_, int64_t budget_,
@@ -156,13 +164,12 @@ ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans want
   const bool* wanted = wanted_.element_count() ? wanted_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED && !wanted, 0,
-      [=](auto size, int64_t b, int count, Workspace<Real>&) {
-        principal_lanes<size()>(M + b * m * m, q + b * m, count, budget, to.z + b * m, to.certificate + b * m,
-                                to.outcome + b, to.steps + b);
+      [=](const auto& given, int64_t b, Workspace<Real>&, Real* certificate) {
+        principal_lanes(given, budget, to.z + b * m, certificate, to.outcome + b, to.steps + b);
       },
-      [=](auto stride, int64_t b, Workspace<Real>& work) {
+      [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
         principal<stride()>(M + b * m * m, q + b * m, wanted ? wanted + b * m : nullptr, budget, work, to.z + b * m,
-                            to.certificate + b * m, to.outcome + b, to.steps + b);
+                            certificate, to.outcome + b, to.steps + b);
       });
 }
 
@@ -174,28 +181,27 @@ ffi::Error Lemke(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers covering_
   const Real* covering = covering_.element_count() ? covering_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED, 1,
-      [=](auto size, int64_t b, int count, Workspace<Real>& work) {
-        lemke_lanes<size()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, count, budget, work,
-                            to.z + b * m, to.certificate + b * m, to.outcome + b, to.steps + b);
+      [=](const auto& given, int64_t b, Workspace<Real>& work, Real* certificate) {
+        lemke_lanes(given, covering ? covering + b * m : nullptr, budget, work, to.z + b * m, certificate,
+                    to.outcome + b, to.steps + b);
       },
-      [=](auto stride, int64_t b, Workspace<Real>& work) {
+      [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
         lemke<stride()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, budget, work, to.z + b * m,
-                        to.certificate + b * m, to.outcome + b, to.steps + b);
+                        certificate, to.outcome + b, to.steps + b);
       });
 }
 
 ffi::Error Direct(ffi::ThreadPool pool, Numbers M_, Numbers q_, JAXCONTACT_RESULTS) {
   const Results to = JAXCONTACT_TO;
   const int64_t m = to.m;
-  const Real *M = M_.typed_data(), *q = q_.typed_data();
   return solved(
       pool, M_, q_, to, true, 0,
-      [=](auto size, int64_t b, int count, Workspace<Real>&) {
-        if constexpr (size() <= DIRECT_LIMIT)
-          direct<size()>(M + b * m * m, q + b * m, count, to.z + b * m, to.certificate + b * m, to.outcome + b);
-        for (int lane = 0; lane < count; ++lane) to.steps[b + lane] = 0;
+      [=](const auto& given, int64_t b, Workspace<Real>&, Real* certificate) {
+        constexpr int size = sizeof(given.load) / sizeof(given.load[0]);
+        if constexpr (size <= DIRECT_LIMIT) direct(given, to.z + b * m, certificate, to.outcome + b);
+        for (int lane = 0; lane < given.count; ++lane) to.steps[b + lane] = 0;
       },
-      [](auto, int64_t, Workspace<Real>&) {});
+      [](auto...) {});
 }
 
 ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers start_, int64_t most, double relaxation,
@@ -205,34 +211,45 @@ ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers sta
   const Sweeps sweeps{int(most), relaxation, target};
   const Real *M = M_.typed_data(), *q = q_.typed_data();
   const Real* start = start_.element_count() ? start_.typed_data() : nullptr;
-  const bool grouped = m <= GROUPED;
-  in_pieces(pool, problems(q_), m * m * SWEEPS_PER_PIECE, grouped ? W : 1, [=](int64_t first, int64_t last) {
-    Workspace<Real> work(int(m), 0);
-    const auto start_of = [&](int64_t b) { return start ? start + b * m : nullptr; };
-    if (grouped) {
-      with_few_contacts(int(m), [&](auto size) {
-        for (int64_t b = first; b < last; b += W)
-          gauss_seidel_lanes<size()>(M + b * m * m, q + b * m, start_of(b), int(last - b < W ? last - b : W), sweeps,
-                                     to.z + b * m, to.certificate + b * m, to.outcome + b, to.steps + b,
-                                     to.found_at(b));
+  return over_problems(
+      pool, problems(q_), m, SWEEPS_PER_PIECE, m <= GROUPED, 0,
+      [=](auto size, int64_t b, int count, Workspace<Real>& work) {
+        const Given<size(), Real> given(M + b * m * m, q + b * m, count);
+        gauss_seidel_lanes(given, start ? start + b * m : nullptr, sweeps, to.z + b * m, to.certificate_at(b, work),
+                           to.outcome + b, to.steps + b, to.found_at(b));
+      },
+      [=](auto stride, int64_t b, Workspace<Real>& work) {
+        gauss_seidel<stride()>(M + b * m * m, q + b * m, start ? start + b * m : nullptr, sweeps, work, to.z + b * m,
+                               to.certificate_at(b, work), to.outcome + b, to.steps + b, to.found_at(b));
       });
-      return;
-    }
-    with_stride<Real>(work.stride, [&](auto stride) {
-      for (int64_t b = first; b < last; ++b)
-        gauss_seidel<stride()>(M + b * m * m, q + b * m, start_of(b), sweeps, work, to.z + b * m,
-                               to.certificate + b * m, to.outcome + b, to.steps + b, to.found_at(b));
-    });
-  });
-  return ffi::Error::Success();
 }
 
-ffi::Error Findings(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, ToNumbers w, ToNumbers eta, ToNumbers rho,
-                    ToBooleans active, ToBooleans degenerate, ToIntegers flags) {
-  const Results to{z_.typed_data(), nullptr, nullptr, nullptr, found_in(w, eta, rho, active, degenerate, flags),
+ffi::Error Measure(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, Numbers certificate_, ToNumbers eta,
+                   ToNumbers rho, ToIntegers flags) {
+  const Results to{z_.typed_data(),
+                   certificate_.typed_data(),
+                   nullptr,
+                   nullptr,
+                   {eta->typed_data(), rho->typed_data(), flags->typed_data()},
                    contacts(q_)};
   const auto nothing = [](auto&&...) {};
   return solved(pool, M_, q_, to, to.m <= GROUPED, 0, nothing, nothing);
+}
+
+ffi::Error Classify(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, ToNumbers w_, ToBooleans active_,
+                    ToBooleans degenerate_) {
+  const int64_t m = contacts(q_);
+  const Real *M = M_.typed_data(), *q = q_.typed_data(), *z = z_.typed_data();
+  const Classes<Real> to{w_->typed_data(), active_->typed_data(), degenerate_->typed_data()};
+  const auto at = [=](int64_t b) { return Classes<Real>{to.w + b * m, to.active + b * m, to.degenerate + b * m}; };
+  return over_problems(
+      pool, problems(q_), m, 1, m <= GROUPED, 0,
+      [=](auto size, int64_t b, int count, Workspace<Real>&) {
+        classes_of_group(Given<size(), Real>(M + b * m * m, q + b * m, count), z + b * m, at(b));
+      },
+      [=](auto stride, int64_t b, Workspace<Real>& work) {
+        classes<stride()>(M + b * m * m, q + b * m, z + b * m, work, at(b));
+      });
 }
 
 ffi::Error Condition(ffi::ThreadPool pool, Numbers M_, Booleans held_, ToNumbers result_) {
@@ -240,20 +257,37 @@ ffi::Error Condition(ffi::ThreadPool pool, Numbers M_, Booleans held_, ToNumbers
   const Real* M = M_.typed_data();
   const bool* held = held_.typed_data();
   Real* result = result_->typed_data();
-  in_pieces(pool, problems(held_), m * m, m <= GROUPED ? W : 1, [=](int64_t first, int64_t last) {
-    Workspace<Real> work(m);
-    if (m <= GROUPED) {
-      with_few_contacts(int(m), [&](auto size) {
-        for (int64_t b = first; b < last; b += W)
-          condition_lanes<size()>(M + b * m * m, held + b * m, int(last - b < W ? last - b : W), work, result + b);
+  return over_problems(
+      pool, problems(held_), m, 1, m <= GROUPED, 0,
+      [=](auto size, int64_t b, int count, Workspace<Real>& work) {
+        condition_lanes<size()>(M + b * m * m, held + b * m, count, work, result + b);
+      },
+      [=](auto stride, int64_t b, Workspace<Real>& work) {
+        result[b] = condition<stride()>(M + b * m * m, held + b * m, work);
       });
-      return;
-    }
-    with_stride<Real>(work.stride, [&](auto stride) {
-      for (int64_t b = first; b < last; ++b) result[b] = condition<stride()>(M + b * m * m, held + b * m, work);
-    });
-  });
-  return ffi::Error::Success();
+}
+
+ffi::Error OfPairs(ffi::ThreadPool pool, Numbers P_, Numbers N_, Numbers q_, ToNumbers z, ToNumbers w,
+                   ToNumbers condition, ToBooleans active, ToBooleans degenerate, ToNumbers eta, ToNumbers rho,
+                   ToIntegers flags) {
+  const int64_t m = contacts(q_);
+  const Real *P = P_.typed_data(), *N = N_.typed_data(), *q = q_.typed_data();
+  const PairsFound<Real> to{z->typed_data(),          w->typed_data(),
+                            condition->typed_data(),  active->typed_data(),
+                            degenerate->typed_data(), {eta->typed_data(), rho->typed_data(), flags->typed_data()}};
+  const auto at = [=](int64_t b) {
+    return PairsFound<Real>{to.z + b * m,          to.w + b * m,
+                            to.condition + b,      to.active + b * m,
+                            to.degenerate + b * m, {to.found.eta + b, to.found.rho + b, to.found.flags + b}};
+  };
+  return over_problems(
+      pool, problems(q_), m, 1, true, 0,
+      [=](auto size, int64_t b, int count, Workspace<Real>&) {
+        if constexpr (size() <= PAIRS_LIMIT)
+          Pairs<size(), Real>(P + b * m * m, N + b * m * m, q + b * m, count)
+              .judge(P + b * m * m, N + b * m * m, q + b * m, count, at(b));
+      },
+      [](auto...) {});
 }
 
 }  // namespace jaxcontact
@@ -264,8 +298,8 @@ ffi::Error Condition(ffi::ThreadPool pool, Numbers M_, Booleans held_, ToNumbers
 #define JAXCONTACT_BIND xla::ffi::Ffi::Bind().Ctx<xla::ffi::ThreadPool>()
 #define JAXCONTACT_INTEGERS Ret<ffi::Buffer<ffi::S32>>()
 #define JAXCONTACT_ANSWER Ret<Numbers>().Ret<Numbers>().JAXCONTACT_INTEGERS.JAXCONTACT_INTEGERS
-#define JAXCONTACT_FINDINGS \
-  Ret<Numbers>().Ret<Numbers>().Ret<Numbers>().Ret<Booleans>().Ret<Booleans>().JAXCONTACT_INTEGERS
+#define JAXCONTACT_FOUND Ret<Numbers>().Ret<Numbers>().JAXCONTACT_INTEGERS
+#define JAXCONTACT_CLASSES Ret<Booleans>().Ret<Booleans>()
 
 namespace jaxcontact {
 
@@ -274,17 +308,17 @@ XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(principal), Principal,
                                   .Arg<Numbers>()
                                   .Arg<Booleans>()
                                   .Attr<int64_t>("budget")
-                                  .JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+                                  .JAXCONTACT_ANSWER.JAXCONTACT_FOUND);
 
 XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(lemke), Lemke,
                               JAXCONTACT_BIND.Arg<Numbers>()
                                   .Arg<Numbers>()
                                   .Arg<Numbers>()
                                   .Attr<int64_t>("budget")
-                                  .JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+                                  .JAXCONTACT_ANSWER.JAXCONTACT_FOUND);
 
 XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(direct), Direct,
-                              JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+                              JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().JAXCONTACT_ANSWER.JAXCONTACT_FOUND);
 
 XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(gauss_seidel), GaussSeidel,
                               JAXCONTACT_BIND.Arg<Numbers>()
@@ -293,12 +327,26 @@ XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(gauss_seidel), GaussSeidel,
                                   .Attr<int64_t>("sweeps")
                                   .Attr<double>("relaxation")
                                   .Attr<double>("target")
-                                  .JAXCONTACT_ANSWER.JAXCONTACT_FINDINGS);
+                                  .JAXCONTACT_ANSWER.JAXCONTACT_FOUND);
 
-XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(findings), Findings,
-                              JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().Arg<Numbers>().JAXCONTACT_FINDINGS);
+XLA_FFI_DEFINE_HANDLER_SYMBOL(
+    JAXCONTACT_NAME(measure), Measure,
+    JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().Arg<Numbers>().Arg<Numbers>().JAXCONTACT_FOUND);
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(
+    JAXCONTACT_NAME(classify), Classify,
+    JAXCONTACT_BIND.Arg<Numbers>().Arg<Numbers>().Arg<Numbers>().Ret<Numbers>().JAXCONTACT_CLASSES);
 
 XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(condition), Condition,
                               JAXCONTACT_BIND.Arg<Numbers>().Arg<Booleans>().Ret<Numbers>());
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(JAXCONTACT_NAME(pairs), OfPairs,
+                              JAXCONTACT_BIND.Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Arg<Numbers>()
+                                  .Ret<Numbers>()
+                                  .Ret<Numbers>()
+                                  .Ret<Numbers>()
+                                  .JAXCONTACT_CLASSES.JAXCONTACT_FOUND);
 
 }  // namespace jaxcontact

@@ -126,15 +126,16 @@ void lemke(const Real* M, const Real* q, const Real* covering, int budget, Works
   for (int i = 0; i < m; ++i) certificate[i] = -times_power_of_two(larger(certificate[i], Real(0)), units.rows[i]);
 }
 
-// `count` problems, up to one group. A lane with a tie, a ray or a long path is left to `lemke`.
+// A group of problems. A lane with a tie, a ray or a long path is left to `lemke`.
 template <int m, class Real>
-void lemke_lanes(const Real* M, const Real* q, const Real* covering, int count, int budget, Workspace<Real>& work,
-                 Real* z, Real* certificate, int* outcome, int* steps) {
+void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, Workspace<Real>& work, Real* z,
+                 Real* certificate, int* outcome, int* steps) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
   constexpr int n = m + 1, longest = 8 * m;
+  const int count = given.count;
   Group<m, Real> group;
-  load(M, q, count, group);
+  load(given, group);
   V T[m][n], values[m], column[m];
   K basic[m], nonbasic[n], entering = K{} + m, alone{}, taken{}, going{};
   for (int i = 0; i < m; ++i) {
@@ -241,7 +242,7 @@ void lemke_lanes(const Real* M, const Real* q, const Real* covering, int count, 
   if (budget >= longest && !any_lane<Real>(alone)) return;
   for (int lane = 0; lane < count; ++lane) {
     if (alone[lane] || budget < longest)
-      lemke<0>(M + lane * m * m, q + lane * m, covering ? covering + lane * m : nullptr, budget, work, z + lane * m,
+      lemke<0>(given.M + lane * m * m, given.q + lane * m, covering ? covering + lane * m : nullptr, budget, work, z + lane * m,
                certificate + lane * m, outcome + lane, steps + lane);
   }
 }

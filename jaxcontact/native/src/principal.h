@@ -103,14 +103,14 @@ void principal(const Real* M, const Real* q, const bool* wanted, int budget, Wor
   }
 }
 
-// `count` problems, up to one group, without warm start.
+// A group of problems without warm start.
 template <int m, class Real>
-void principal_lanes(const Real* M, const Real* q, int count, int budget, Real* z, Real* certificate, int* outcome,
-                     int* steps) {
+void principal_lanes(const Given<m, Real>& given, int budget, Real* z, Real* certificate, int* outcome, int* steps) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
+  const int count = given.count;
   Group<m, Real> group;
-  load(M, q, count, group);
+  load(given, group);
   V T[m][m], values[m];
   K active[m] = {}, barred[m] = {}, taken{}, ended = K{} + int(MAX_STEPS), stuck{};
   for (int i = 0; i < m; ++i) {
@@ -188,7 +188,7 @@ void principal_lanes(const Real* M, const Real* q, int count, int budget, Real* 
   for (int lane = 0; lane < count; ++lane) {
     if (outcome[lane] != INACCURATE) continue;
     int rows[m];  // as in `principal`
-    row_exponents(M + lane * m * m, m, rows);
+    row_exponents(given.M + lane * m * m, m, rows);
     for (int i = 0; i < m; ++i) {
       Real across = 0;
       for (int k = 0; k < m; ++k) across = k == stuck[lane] ? T[k][i][lane] : across;

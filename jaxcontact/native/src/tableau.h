@@ -30,7 +30,7 @@ struct Aligned {
 template <class Real>
 struct Workspace {
   int m, stride;
-  std::vector<Real, Aligned<Real>> M, T, q, values, column, right, z, best, miss, ratio, unit;
+  std::vector<Real, Aligned<Real>> M, T, q, values, column, right, z, best, miss, ratio, unit, certificate;
   std::vector<int> rows, basic, nonbasic;
   std::vector<typename Format<Real>::Word, Aligned<typename Format<Real>::Word>> active,
       barred;  // 0 or -1, whole groups of lanes
@@ -40,6 +40,7 @@ struct Workspace {
   explicit Workspace(int m, int extra = 0) : m(m), stride(padded<Real>(m + extra)) {
     for (auto* x : {&M, &T}) x->assign(size_t(m) * stride, 0);
     for (auto* x : {&q, &values, &column, &right, &z, &best, &miss, &ratio, &unit}) x->assign(stride, 0);
+    certificate.assign(size_t(m) * Format<Real>::width, 0);  // of a whole group
     rows.assign(m, 0);
     basic.assign(m, 0);
     nonbasic.assign(m + 1, 0);
@@ -48,9 +49,9 @@ struct Workspace {
   }
 };
 
-// Row r against column s with pivot T_rs: one rank-one update; `column` is filled with the old column s.
-// S: the row length where the compiler may know it, else 0. Single entries are written only after their row: a whole
-// row read right behind such a write would wait for it.
+// Row r against column s with pivot T_rs: one rank-one update; `column` is filled with the old column s. S: the row
+// length where the compiler may know it, else 0. Single entries are written only after their row: a whole row read
+// right behind such a write would wait for it.
 template <int S, class Real>
 inline void exchange(Real* __restrict T, Real* __restrict values, Real* __restrict column, Real* __restrict right,
                      int m, int stride_, int r, int s) {
