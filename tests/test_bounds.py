@@ -397,7 +397,7 @@ def test_the_perturbation_of_proposition_14_is_the_difference_it_stands_for():
         inverse = np.linalg.inv(A)
         return np.block([[inverse @ A_bar, -inverse @ B], [C @ inverse @ A_bar - C_bar, D - C @ inverse @ B]])
 
-    found = _Blocks(here).perturbation(jnp.asarray(d))
+    found = _Blocks.of(here).perturbation(jnp.asarray(d))
     np.testing.assert_allclose(found, M_ub(1.0) - M_ub(0.0), rtol=1e-11, atol=1e-12)  # W has condition of about 1e2
 
 

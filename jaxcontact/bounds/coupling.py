@@ -14,8 +14,9 @@ NOISE = 16
 DEPENDENT = 32
 """A gap gradient counts as dependent on the earlier ones when at most this many roundings of its length are left."""
 
-UNROLLED = 3
-"""Up to this many contacts loops over them are written out: twice as fast; beyond, compiling would take too long."""
+WRITTEN_OUT = 4
+"""Up to this many contacts loops over columns and rows are written out: two to four times as fast; beyond, compiling
+would take too long."""
 
 SCALAR_COLUMNS = 2
 """Up to this many contacts the algebra is on scalars and fuses; beyond, on arrays, which compile much sooner."""
@@ -68,22 +69,45 @@ def orthogonal_triangular(N: Array) -> tuple[Array, Array]:
     m = N.shape[1]
     if m > UNROLL_LIMIT:
         return _positive(*jnp.linalg.qr(N))
+    return _column_by_column(N) if m <= WRITTEN_OUT else _in_a_loop(N)
+
+
+def _column_by_column(N: Array) -> tuple[Array, Array]:
+    rest, E, R = [N[:, j] for j in range(N.shape[1])], [], []
+    zero = jnp.zeros((), N.dtype)
+    while rest:
+        e, length = _unit(rest[0])
+        first = [jnp.sum(e * x) for x in rest[1:]]
+        rest = [x - e * t for x, t in zip(rest[1:], first, strict=True)]
+        second = [jnp.sum(e * x) for x in rest]
+        rest = [x - e * t for x, t in zip(rest, second, strict=True)]
+        R.append([zero] * len(R) + [length] + [s + t for s, t in zip(first, second, strict=True)])
+        E.append(e)
+    return jnp.stack(E, axis=1), jnp.stack([jnp.stack(row) for row in R])
+
+
+def _unit(x: Array) -> tuple[Array, Array]:
+    """(x / |x|, |x|); zeros for a zero vector."""
+    square = jnp.sum(x * x)
+    there = square > 0
+    length = jnp.where(there, jnp.sqrt(jnp.where(there, square, 1)), 0 * square)
+    return x / jnp.where(there, length, 1), length
+
+
+def _in_a_loop(N: Array) -> tuple[Array, Array]:
+    m = N.shape[1]
     later = jnp.triu(jnp.ones((m, m), N.dtype), 1)
     one = jnp.eye(m, dtype=N.dtype)
 
     def projected(rest, row):
         here, after = row
-        first_left = jnp.sum(rest * here[None, :], axis=1)
-        square = jnp.sum(first_left * first_left)
-        there = square > 0
-        length = jnp.where(there, jnp.sqrt(jnp.where(there, square, 1)), 0 * square)
-        e = first_left / jnp.where(there, length, 1)
+        e, length = _unit(jnp.sum(rest * here[None, :], axis=1))
         first = jnp.sum(e[:, None] * rest, axis=0) * after
         rest = rest - e[:, None] * first[None, :]
         second = jnp.sum(e[:, None] * rest, axis=0) * after
         return rest - e[:, None] * second[None, :], (e, length * here + first + second)
 
-    _, (E, R) = lax.scan(projected, N, (one, later), unroll=m <= UNROLLED)
+    _, (E, R) = lax.scan(projected, N, (one, later))
     return E.T, R
 
 
@@ -104,6 +128,8 @@ def _on_arrays(N: Array, T: Array) -> tuple[Array, Array]:
     if len(R) > UNROLL_LIMIT:
         comparison = lax.stop_gradient(2 * jnp.diag(jnp.diag(R)) - abs(R))
         return solve_triangular(R, value), solve_triangular(comparison, lax.stop_gradient(terms))
+    if len(R) <= WRITTEN_OUT:
+        return _row_by_row(R, value, terms)
     one = jnp.eye(len(R), dtype=R.dtype)
 
     def substituted(state, row):
@@ -116,8 +142,18 @@ def _on_arrays(N: Array, T: Array) -> tuple[Array, Array]:
         return (X + here[:, None] * x[None, :], size + here[:, None] * most[None, :]), None
 
     start = jnp.zeros_like(value), jnp.zeros_like(terms)
-    (X, size), _ = lax.scan(substituted, start, (one, R, value, terms), reverse=True, unroll=len(R) <= UNROLLED)
+    (X, size), _ = lax.scan(substituted, start, (one, R, value, terms), reverse=True)
     return X, lax.stop_gradient(size)
+
+
+def _row_by_row(R: Array, value: Array, terms: Array) -> tuple[Array, Array]:
+    x, size = list(value), list(terms)
+    for i in reversed(range(len(x))):
+        for j in range(i + 1, len(x)):
+            x[i] = x[i] - R[i, j] * x[j]
+            size[i] = size[i] + abs(R[i, j]) * size[j]
+        x[i], size[i] = x[i] / R[i, i], size[i] / R[i, i]
+    return jnp.stack(x), lax.stop_gradient(jnp.stack(size))
 
 
 def _on_scalars(N: Array, T: Array) -> tuple[Array, Array]:

@@ -52,12 +52,12 @@ def prop14(operators: Delassus, ratio: Array, xi: Array | None = None) -> Array:
         else bilateral.T
     )
     cap = norm_ratio_of_factors(bilateral.N, scaled)
-    blocks = _blocks(operators)
+    blocks = _Blocks.of(operators)
     reach = 1 / blocks.beta_2()
     if xi is not None:
         return _first_crossing(ratio * jnp.asarray(xi, ratio.dtype), blocks, reach, cap)
     signs = jnp.asarray(_sign_vectors(operators), ratio.dtype)
-    return linalg.least(jax.vmap(_first_crossing, (0, None, None, None))(ratio * signs, blocks, reach, cap))
+    return linalg.least(jax.vmap(_first_crossing, (0, None, None, None))(ratio[None, :] * signs, blocks, reach, cap))
 
 
 def _sign_vectors(operators: Delassus) -> np.ndarray:
@@ -79,6 +79,18 @@ class _Blocks:
     Du: Array
     b: tuple[int, ...] = field(metadata={"static": True})
     u: tuple[int, ...] = field(metadata={"static": True})
+
+    @classmethod
+    def of(cls, operators: Delassus) -> "_Blocks":
+        b, u = operators.bilateral, operators.unilateral
+        Nb, Nu = select_columns(operators.N, b), select_columns(operators.N, u)
+        Tb, Tu = select_columns(operators.T, b), select_columns(operators.T, u)
+        both = jnp.concatenate([Tb, Nu, Tu], axis=1)
+        ends = len(b), len(b) + len(u)
+        Xt, Gn, Gt = jnp.split(_on_factors(Nb, both), ends, axis=1)
+        across = linalg.project_out(Nb, both) if u else both
+        Tb, N_c, Tu = jnp.split(across, ends, axis=1)
+        return cls(Xt, Gn, Gt, N_c, linalg.gram(N_c, Tb), linalg.gram(N_c, Tu), b, u)
 
     @jax.jit
     def perturbation(self, mu_xi: Array) -> Array:
@@ -115,18 +127,6 @@ class _Blocks:
         right = jnp.matmul(select_columns(self.Gn, gamma), inverse, precision=lax.Precision.HIGHEST)
         lower = jnp.concatenate([jnp.zeros((len(gamma), len(self.b)), dtype), inverse], axis=1)
         return linalg.singular_value_max(jnp.concatenate([jnp.concatenate([one, right], axis=1), lower]))
-
-
-def _blocks(operators: Delassus) -> _Blocks:
-    b, u = operators.bilateral, operators.unilateral
-    Nb, Nu = select_columns(operators.N, b), select_columns(operators.N, u)
-    Tb, Tu = select_columns(operators.T, b), select_columns(operators.T, u)
-    both = jnp.concatenate([Tb, Nu, Tu], axis=1)
-    ends = len(b), len(b) + len(u)
-    Xt, Gn, Gt = jnp.split(_on_factors(Nb, both), ends, axis=1)
-    across = linalg.project_out(Nb, both) if u else both
-    Tb, N_c, Tu = jnp.split(across, ends, axis=1)
-    return _Blocks(Xt, Gn, Gt, N_c, linalg.gram(N_c, Tb), linalg.gram(N_c, Tu), b, u)
 
 
 def _on_factors(N: Array, X: Array) -> Array:

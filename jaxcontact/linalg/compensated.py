@@ -10,6 +10,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.linalg.tracing import traced_once
+
 Scalar = jax.Array
 
 
@@ -24,44 +26,55 @@ def _split(a: Scalar) -> tuple[Scalar, Scalar]:
     return high, a - high
 
 
-@jax.custom_jvp
+@traced_once
 def two_sum(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """(s, e) with s = fl(a + b) and s + e = a + b exactly. Scalars or arrays of one shape and dtype.
 
     >>> two_sum(jnp.float32(1.0), jnp.float32(1e-10))  # (1.0, 1e-10)
     """
+    return _two_sum(a, b)
+
+
+@jax.custom_jvp
+def _two_sum(a, b):
     s = a + b
     b_seen = s - a
     return s, (a - (s - b_seen)) + (b - b_seen)
 
 
-@two_sum.defjvp
+@_two_sum.defjvp
 def _two_sum_jvp(primals, tangents):
     """The exact sum is s + e: all of its derivative is given to s, none to the rounding error."""
-    s, e = two_sum(*primals)
+    s, e = _two_sum(*primals)
     return (s, e), (tangents[0] + tangents[1], jnp.zeros_like(e))
 
 
-@jax.custom_jvp
+@traced_once
 def two_product(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """(p, e) with p = fl(a b) and p + e = a b to twice the working precision (no overflow, no underflow of e).
 
     >>> two_product(jnp.float32(1 / 3), jnp.float32(3.0))
     """
+    return _two_product(a, b)
+
+
+@jax.custom_jvp
+def _two_product(a, b):
     p = a * b
     a_high, a_low = _split(a)
     b_high, b_low = _split(b)
     return p, (((a_high * b_high - p) + a_high * b_low) + a_low * b_high) + a_low * b_low
 
 
-@two_product.defjvp
+@_two_product.defjvp
 def _two_product_jvp(primals, tangents):
     """As for the sum: the derivative of a b belongs to p."""
     (a, b), (da, db) = primals, tangents
-    p, e = two_product(a, b)
+    p, e = _two_product(a, b)
     return (p, e), (da * b + a * db, jnp.zeros_like(e))
 
 
+@traced_once
 def det2_pair(a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> tuple[Scalar, Scalar]:
     """a d - b c as an unevaluated sum (high, low), right to about twice the working precision even after cancellation.
 
@@ -76,6 +89,7 @@ def det2_pair(a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> tuple[Scalar, Scala
     return two_sum(high, low + (rest + t_error))
 
 
+@traced_once
 def det2(a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> Scalar:
     """a d - b c, the determinant of [[a, b], [c, d]], to the last digit or two whatever cancels.
 

@@ -10,6 +10,7 @@ from jax import lax
 
 from jaxcontact.linalg.circular import cosine, has_polynomials, sine
 from jaxcontact.linalg.screens import SCREEN, SHIELD, screen
+from jaxcontact.linalg.tracing import traced_once
 from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
 
 
@@ -320,4 +321,6 @@ def _quotient_jvp(primals, tangents):
 
 POLYNOMIALS = {"sin": sine, "cos": cosine}
 
-SHIELDED = {"sin": _sin, "cos": _cos, "sqrt": _sqrt, "div": _quotient}
+SHIELDED = {
+    name: traced_once(rule) for name, rule in (("sin", _sin), ("cos", _cos), ("sqrt", _sqrt), ("div", _quotient))
+}

@@ -4,6 +4,8 @@ Under jit(vmap) XLA folds the indexing and the final stack away, so algebra writ
 over the batch, where arrays of shape (m, m) would be materialised for every lane.
 """
 
+from functools import reduce
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -69,23 +71,17 @@ def from_rows(rows: list[list[Scalar]]) -> jax.Array:
 
 def total(terms: list[Scalar]) -> Scalar:
     """Sum of a non-empty list, left to right."""
-    result = terms[0]
-    for term in terms[1:]:
-        result = result + term
-    return result
+    return reduce(lax.add, terms)
 
 
 def inner(a: list[Scalar], b: list[Scalar]) -> Scalar:
     """Sum of a_i b_i over non-empty lists."""
-    return total([x * y for x, y in zip(a, b, strict=True)])
+    return total([lax.mul(x, y) for x, y in zip(a, b, strict=True)])
 
 
 def largest(terms: list[Scalar]) -> Scalar:
     """Maximum of a non-empty list; NaN if one of them is."""
-    result = terms[0]
-    for term in terms[1:]:
-        result = lax.max(result, term)
-    return result
+    return reduce(lax.max, terms)
 
 
 def shield(x: Scalar) -> Scalar:
