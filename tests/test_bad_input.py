@@ -118,6 +118,24 @@ def test_kinetic_energy_must_vanish_at_rest():
         jc.delassus(OnABelt(), jc.State(jnp.zeros(2)))
 
 
+def test_kinetic_energy_must_be_quadratic():
+    """A magnetic term b v of the Lagrangian is no kinetic energy: M is read off T at unit velocities."""
+
+    @jc.mechanism
+    class InAField:
+        contacts = (jc.Contact("floor", "bilateral", False),)
+
+        def kinetic_energy(self, q, v):
+            return 0.5 * (v[0] ** 2 + v[1] ** 2) + 0.25 * q[0] * v[1] + 0.25 * v[1]
+
+        def gaps(self, q):
+            return q[1][None]
+
+    for ask in (jc.delassus, lambda m, s: jc.contact_forces(m, s, None)):
+        with pytest.raises(ValueError, match=r"must be quadratic in v, got T\(v\) - T\(-v\) = 1.0"):
+            ask(InAField(), jc.State(jnp.zeros(2)))
+
+
 class Incomplete:
     contacts = (jc.Contact("floor", "bilateral", True),)
 

@@ -12,7 +12,7 @@ from .. import linalg
 from ..complementarity import Direct, Lemke, Solution, Status, solve
 from ..dynamics import Contact, Delassus, State, Terms, terms, whitened
 from ..dynamics.numbers import is_concrete
-from ..dynamics.sound import refuse_unsound
+from ..dynamics.sound import Energy, energy_of, refuse_unsound
 from .certificate import Certificate, certificate
 from .law import coefficients, stands_still
 from .mass import is_definite, stiffened, stiffening
@@ -100,8 +100,8 @@ def contact_forces(
     if not is_concrete((mechanism, state, mu)):
         return _forces(mechanism, state, mu, method, certified)[0]
     forces, seen = _forces(mechanism, state, mu, method, certified)
-    if int(forces.status) == Status.BAD_INPUT or float(seen.energy_at_rest) != 0:
-        refuse_unsound(mechanism, state, seen, seen.energy_at_rest)
+    if int(forces.status) == Status.BAD_INPUT or any(map(float, seen.energy)):
+        refuse_unsound(mechanism, state, seen, seen.energy)
         raise ValueError(f"{type(mechanism).__name__}: the numbers at this state overflow; choose other units")
     return forces
 
@@ -119,8 +119,8 @@ class Seen(NamedTuple):
 
     terms: Terms
     L: Array
-    energy_at_rest: Array
-    """J; a kinetic energy that is not zero at rest is misuse"""
+    energy: Energy
+    """numbers other than zero are misuse"""
 
 
 @partial(jax.jit, static_argnames=("method", "certified"), inline=True)
@@ -160,10 +160,7 @@ def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Ar
     parts = without_idle_directions(_terms(mechanism, state), still)
     zero = jnp.zeros((), state.q.dtype)
     gamma, massive = linalg.where_needed(~regular, lambda p: stiffening(p, contacts), (zero, regular), parts)
-    energy = zero
-    if not hasattr(mechanism, "mass_matrix"):
-        energy = mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))
-    seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan), energy)
+    seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan), energy_of(mechanism, state.q))
     return seen, still, gamma, massive & sound
 
 
@@ -203,11 +200,10 @@ def _looked_at(parts: Terms, operators: Delassus, friction, found: Sliding, norm
     def measured(parts, operators, friction, found, normal, a):
         load = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
         motion = Motion(a, normal, -friction * jnp.abs(normal), friction, length_of(operators.N), load)
-        return residuals(contacts, parts, motion), found.span.deficient, contradiction(operators, found)
+        misses, unique = residuals(contacts, parts, motion), _certified(found.N, found.D)
+        return Looked(misses, found.span.deficient, contradiction(operators, found), unique)
 
-    known = found._replace(problem=None)
-    looked = linalg.packed(measured)(parts, operators, friction, known, normal, a)
-    return Looked(*looked, linalg.packed(_certified)(found.N, found.D))
+    return linalg.packed(measured)(parts, operators, friction, found._replace(problem=None), normal, a)
 
 
 def _status(looked: Looked, solution: Solution | None) -> Array:

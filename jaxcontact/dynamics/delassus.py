@@ -12,7 +12,7 @@ from jax import Array
 from .. import linalg
 from .numbers import as_float_array, is_concrete
 from .records import Contact, State
-from .sound import refuse_unsound
+from .sound import energy_of, refuse_unsound
 from .terms import Terms, terms
 
 
@@ -111,13 +111,14 @@ def delassus(mechanism: Any, state: State) -> Delassus:
     be raised, and a mass matrix that is not positive definite, or only up to rounding, makes every entry NaN.
 
     Raises (eager calls only, but for the shapes):
-        ValueError: if a value is NaN, the mass matrix is not positive definite, the kinetic energy does not vanish at
-            rest, the state leaves a gap or a bilateral constraint open, or a slip direction is undefined at rest.
+        ValueError: if a value is NaN, the kinetic energy is no quadratic form of the velocities, the mass matrix is not
+            positive definite, the state leaves a gap or a bilateral constraint open, or a slip direction is undefined
+            at rest.
         TypeError: if the mechanism lacks a method or one of them returns a wrong shape.
     """
     if is_concrete((mechanism, state)):
-        operators, health = _assemble_eagerly(mechanism, state)
-        refuse_unsound(mechanism, state, operators, health)
+        operators, energy = _assemble_eagerly(mechanism, state)
+        refuse_unsound(mechanism, state, operators, energy)
         return operators
     return assemble(mechanism, state)
 
@@ -193,8 +194,5 @@ def _factor(M: Array) -> Array:
 
 @jax.jit
 def _assemble_eagerly(mechanism, state):
-    """The operators and, for the door, the kinetic energy at rest."""
-    operators = assemble(mechanism, state)
-    if hasattr(mechanism, "mass_matrix"):
-        return operators, jnp.zeros((), state.q.dtype)
-    return operators, mechanism.kinetic_energy(state.q, jnp.zeros_like(state.q))
+    """The operators and, for the door, what is wrong with the kinetic energy."""
+    return assemble(mechanism, state), energy_of(mechanism, state.q)

@@ -1,6 +1,6 @@
 """Is this state one the theory speaks of? Looked at once, on plain values, at the door of `delassus`."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,20 +14,47 @@ OFF_CONSTRAINT = 0.5
 """A gap counts as open beyond eps**OFF_CONSTRAINT times what its terms may add up to: half the digits."""
 
 
-def refuse_unsound(mechanism: Any, state: State, operators: Any, energy_at_rest: Any) -> None:
+class Energy(NamedTuple):
+    """In what the kinetic energy is no quadratic form of the velocities; zeros if it is one."""
+
+    at_rest: Array
+    """J"""
+    uneven: Array
+    """J, T(v) - T(-v) at v = (1, 2, ...), zero up to half the digits"""
+
+
+def energy_of(mechanism: Any, q: Array) -> Energy:
+    """`Energy` of a mechanism at a place; zeros where the mass matrix is given instead.
+
+    `energy_of(guides, guides.state(theta=0.9).q).at_rest`
+    """
+    if hasattr(mechanism, "mass_matrix"):
+        return Energy(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype))
+    v = jnp.arange(1, len(q) + 1, dtype=q.dtype)
+    at_rest, there, back = (mechanism.kinetic_energy(q, u) for u in (jnp.zeros_like(q), v, -v))
+    beyond = jnp.abs(there - back) > float(jnp.finfo(q.dtype).eps) ** 0.5 * (jnp.abs(there) + jnp.abs(back))
+    return Energy(at_rest, jnp.where(beyond, there - back, 0))
+
+
+def refuse_unsound(mechanism: Any, state: State, operators: Any, energy: Energy) -> None:
     """Raise ValueError for a state or a mechanism outside the theory: what came, what was expected, what to write."""
     owner = type(mechanism).__name__
     parts = jax.tree.map(np.asarray, operators.terms)
     _refuse_nan(owner, mechanism, state)
+    if abs(float(energy.at_rest)) > 0:
+        raise ValueError(
+            f"{owner}: kinetic_energy must vanish at v = 0, got {float(energy.at_rest)}; "
+            "put terms without velocity into potential_energy or applied_force"
+        )
+    if abs(float(energy.uneven)) > 0:
+        raise ValueError(
+            f"{owner}: kinetic_energy must be quadratic in v, got T(v) - T(-v) = {float(energy.uneven)} at "
+            "v = (1, 2, ...); write forces that are linear in v into applied_force"
+        )
     if not np.isfinite(parts.M).all() or not np.isfinite(np.asarray(operators.L)).all():
         raise ValueError(
             f"{owner}: the mass matrix at q = {np.asarray(state.q)} is not positive definite:\n{parts.M}\n"
             "check the signs of masses and inertias, and that every coordinate carries mass"
-        )
-    if abs(float(energy_at_rest)) > 0:
-        raise ValueError(
-            f"{owner}: kinetic_energy must vanish at v = 0, got {float(energy_at_rest)}; "
-            "put terms without velocity into potential_energy or applied_force"
         )
     _refuse_undefined(owner, mechanism, parts)
     _refuse_open(owner, mechanism, parts, state)

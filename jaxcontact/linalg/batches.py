@@ -4,7 +4,6 @@ Functions are written for one problem; these rules say what `jax.vmap` makes of 
 """
 
 import functools
-import operator
 from collections.abc import Callable
 
 import jax
@@ -167,9 +166,14 @@ def walled(function: Callable) -> Callable:
 def _always(arguments):
     """True, as a computed number: the bits of a number with the last one set are not all zero. Of the first rows of
     all arguments, as many a number is a constant in the end."""
-    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(x.dtype, jnp.floating) and x.size]
-    bits = (lax.bitcast_convert_type(x[:1] if x.ndim else x, f"uint{8 * x.dtype.itemsize}") for x in numbers)
-    return functools.reduce(operator.and_, (jnp.all((b | 1) != 0) for b in bits)) if numbers else True
+    found = []
+    for x in jax.tree.leaves(arguments):
+        if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
+            row = lax.slice_in_dim(x, 0, 1) if x.ndim else x
+            bits = lax.bitcast_convert_type(row, f"uint{8 * x.dtype.itemsize}")
+            set_ = lax.bitwise_or(bits, lax.full_like(bits, 1))
+            found.append(lax.reduce_and(lax.ne(set_, lax.full_like(bits, 0)), tuple(range(x.ndim))))
+    return functools.reduce(lax.bitwise_and, found) if found else True
 
 
 def _spread(size, batched, arguments):
