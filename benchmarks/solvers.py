@@ -50,8 +50,9 @@ WORK = 2**22
 
 LEAST, MOST = 256, 100_000
 
-REPEATS, PATIENCE = 5, 2.0
-"""A time is the median of several runs, as many as fit in PATIENCE seconds, at least one and at most REPEATS."""
+PATIENCE = 0.7
+"""A time is the median of as many runs as fit in so many seconds, at least one: what a sweep sees, with threads and
+memory at hand."""
 
 HEADS = "  m  dtype    method                                 batch   solves/s   failed   rho 99%    rho max  compile s"
 
@@ -126,7 +127,7 @@ def measured_peer(name, loop, M, q):
 def timed(run):
     """(result, median seconds) after one run that does not count."""
     result, times = run(), []
-    while len(times) < REPEATS and sum(times) < PATIENCE:
+    while sum(times) < PATIENCE:
         began = time.perf_counter()
         result = run()
         times.append(time.perf_counter() - began)
