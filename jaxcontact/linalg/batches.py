@@ -149,10 +149,7 @@ def walled(function: Callable) -> Callable:
         def nothing(*_):
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
-        def everything(*arguments):
-            return lax.optimization_barrier(function(*arguments))  # or a branch of cheap operations becomes a select
-
-        return lax.cond(_always(arguments), everything, nothing, *arguments)
+        return lax.cond(_always(arguments), function, nothing, *arguments)
 
     @one.def_vmap
     def _(size, batched, *arguments):
