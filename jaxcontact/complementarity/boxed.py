@@ -28,10 +28,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxcontact import linalg
 from jaxcontact.complementarity.forms import NormalForm, normal_form
 from jaxcontact.complementarity.problems import BoxedLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
-from jaxcontact.complementarity.short import diagonal_of, dot, largest, largest_of_rows
+from jaxcontact.complementarity.short import dot, largest, largest_of_rows
 
 
 class Box(NamedTuple):
@@ -142,7 +143,7 @@ def residuals_of_box(problem: BoxedLCP, x):
     zero, every distance from a bound is large."""
     M, q = problem.M, problem.q
     w, terms = dot(M, x) + q, dot(jnp.abs(M), jnp.abs(x)) + jnp.abs(q)
-    diagonal, side = diagonal_of(M), largest_of_rows(M)
+    diagonal, side = linalg.diagonal(M), largest_of_rows(M)
     t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
     rows = row_exponents(M)
     force, length = power_of_two(rows, q.dtype), power_of_two(-rows, q.dtype)

@@ -11,10 +11,11 @@ and for equations |r_i| / s and |r_i| / max|q|. Both are unchanged by M -> M 2^a
 import jax
 import jax.numpy as jnp
 
+from jaxcontact import linalg
 from jaxcontact.complementarity.boxed import residuals_of_box
 from jaxcontact.complementarity.problems import LCP, MLCP, BoxedLCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, row_exponents
-from jaxcontact.complementarity.short import diagonal_of, dot, largest, largest_of_rows, seldom, size_dot
+from jaxcontact.complementarity.short import dot, largest, largest_of_rows, seldom, size_dot
 
 DEGENERACY_BOUND = 64
 """z_i and w_i below DEGENERACY_BOUND eps of the largest count as zero together."""
@@ -63,10 +64,10 @@ def stiffness(M):
     """(m,) M_ii, or the size of the row where that is not positive, or one."""
 
     def of_rows(M):
-        diagonal, side = diagonal_of(M), largest_of_rows(M)
+        diagonal, side = linalg.diagonal(M), largest_of_rows(M)
         return jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
 
-    diagonal = diagonal_of(M)
+    diagonal = linalg.diagonal(M)
     return seldom(~jnp.all(diagonal > 0), of_rows, diagonal, M)
 
 

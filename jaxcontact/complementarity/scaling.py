@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxcontact.complementarity.short import diagonal_of, first, greatest, largest_of_rows, seldom
+from jaxcontact import linalg
+from jaxcontact.complementarity.short import first, greatest, largest_of_rows, seldom
 
 EXPONENT_MARGIN = 2
 """Exponents stay this far from the ends of the format, where subnormal numbers lose digits."""
@@ -61,7 +62,7 @@ def row_exponents(M):
     """(m,) int e with 2^e about 1/sqrt(M_ii): 2^e_i M_ij 2^e_j has a diagonal in [1/2, 4). Where M_ii <= 0 the
     largest entries of row and column stand in: those that couple to rows with M_ii > 0, in their units, if there are
     any. The parity of the first such row goes into every row, so that M 2^a moves all e alike for odd a too."""
-    diagonal = diagonal_of(M)
+    diagonal = linalg.diagonal(M)
     if len(M) == 0:
         return exponent(diagonal)
     sizes = exponent(diagonal)
@@ -71,7 +72,7 @@ def row_exponents(M):
 
 def _row_exponents_without_diagonal(M):
     """`row_exponents` where M_ii <= 0 for some i."""
-    diagonal = diagonal_of(M)
+    diagonal = linalg.diagonal(M)
     own = diagonal > 0
     across, down = largest_of_rows(M), largest_of_rows(M.T)
     sizes = jnp.where(own, exponent(diagonal), _one_or_both(across, down) >> 1)

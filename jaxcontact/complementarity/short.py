@@ -58,13 +58,6 @@ def largest_of_rows(A):
     return linalg.greatest(jnp.abs(A), 1, initial=0)
 
 
-def diagonal_of(A):
-    """(n,) A_ii; as a sum over a row with one entry left where that fuses."""
-    if len(A) <= SCALARS:
-        return jnp.sum(jnp.where(np.eye(len(A), dtype=bool), A, 0), axis=1)
-    return jnp.diagonal(A)
-
-
 def seldom(needed, function, otherwise, *arguments):
     """`function(*arguments)` where the rare `needed` holds, else `otherwise`: skipped by a batch that does not need it,
     but computed anyway where arrays are so short that a branch costs more."""

@@ -37,8 +37,8 @@ def solve_in_two_precisions(problem, method, start=None, *, accuracy: float = 1e
     """A float64 problem solved in float32 where that is good enough, else in float64; `jax.vmap` for batches, of which
     only the doubtful lanes are solved twice. `redone.sum()` says how many.
 
-    It pays where float64 is much slower than float32, as on most graphics cards, and few lanes are in doubt; on CPUs it
-    hardly does (`python -m benchmarks tradeoff`).
+    It is meant for where float64 is much slower than float32 and few lanes are in doubt; on CPUs it hardly pays
+    (`python -m benchmarks tradeoff`).
 
     Args:
         problem, method, start: as for `solve`; the problem in float64.
@@ -58,17 +58,14 @@ def solve_in_two_precisions(problem, method, start=None, *, accuracy: float = 1e
     if not accuracy > 0:
         raise ValueError(f"solve_in_two_precisions: accuracy must be positive, got {accuracy}")
     fixed, guess = lax.stop_gradient((problem, start))
-    rough = solve(jax.tree.map(lambda x: x.astype(jnp.float32), fixed), method, _in(jnp.float32, guess))
+    rounded = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), (fixed, guess))
+    rough = solve(rounded[0], method, rounded[1])
     first = jax.tree.map(lambda x: x.astype(jnp.float64) if x.dtype == jnp.float32 else x, rough)
     error = float(backward_error_bound(jnp.float32)) * first.condition
     clear = (first.status == int(Status.SOLVED)) & ~first.redundant & (first.degenerate == 0) & (error <= accuracy)
     given = (fixed,) if guess is None else (fixed, guess)
     again = for_the_few(~clear, lambda p, *s: solve(p, method, *s), first, *given, lanes=LANES_AGAIN)
     return TwoPrecisions(_with_derivative(problem, again), ~clear)
-
-
-def _in(dtype, x):
-    return None if x is None else jnp.asarray(x, dtype)
 
 
 def _with_derivative(problem, found: Solution) -> Solution:

@@ -24,20 +24,19 @@ SINGULAR = 16
 
 
 def stiffening(parts: Terms, contacts: tuple[Contact, ...]) -> tuple[Array, Array]:
-    """(gamma >= 0, zero where M is regular; whether the mass matrix is sound).
+    """(gamma >= 0; whether the mass matrix is sound) where M is not definite by itself.
 
     Sound, a bool: M is symmetric positive semi-definite, and definite on what the bilateral constraints leave free.
 
     >>> gamma, sound = stiffening(terms(mechanism, state), mechanism.contacts)
     """
-    regular = is_definite(parts.M)
     held = _held(contacts)
     if not held:
-        return jnp.zeros((), parts.M.dtype), regular
+        return jnp.zeros((), parts.M.dtype), jnp.zeros((), bool)
     G = select_columns(parts.G, held)
-    gamma = jnp.where(regular, 0, _stiffness(parts.M, G))
+    gamma = _stiffness(parts.M, G)
     stiffer = linalg.gram((gamma * G).T, G.T)
-    return gamma, regular | (is_definite(parts.M + stiffer) & _is_semidefinite(parts.M, stiffer))
+    return gamma, is_definite(parts.M + stiffer) & _is_semidefinite(parts.M, stiffer)
 
 
 def stiffened(parts: Terms, contacts: tuple[Contact, ...], gamma: Array) -> Terms:

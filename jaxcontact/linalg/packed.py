@@ -51,11 +51,9 @@ def _row(function: Callable, truths: list[bool], truth: bool, shapes: list, argu
             results = zip(jax.tree.leaves(function(*arguments)), truths, strict=True)
             entries = [x[i] for x, kind in results if kind == truth for i in np.ndindex(x.shape)]
             entries = entries[first : first + count]
-            return (
-                sum((jnp.where(x, 1 << k, 0) for k, x in enumerate(entries)), jnp.int32(0))
-                if truth
-                else as_one(entries)
-            )
+            if not truth:
+                return as_one(entries)
+            return sum((jnp.where(x, 1 << k, 0) for k, x in enumerate(entries)), jnp.int32(0))
 
         return walled(fused(program))
 
