@@ -1,9 +1,11 @@
 // Exponents, powers of two and groups of lanes: what every kernel counts with.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 
 namespace jaxcontact {
 
@@ -48,16 +50,6 @@ inline bool is_finite(Real x) {
 }
 
 template <class Real>
-inline Real size_of(Real x) {
-  return x < 0 ? -x : x;
-}
-
-template <class Real>
-inline Real larger(Real a, Real b) {
-  return a > b ? a : b;
-}
-
-template <class Real>
 using Lanes = typename Format<Real>::Lanes;
 template <class Real>
 using Masks = typename Format<Real>::Masks;
@@ -67,19 +59,45 @@ inline Lanes<Real> all(Real x) {
   return x - Lanes<Real>{};
 }
 
-template <class V>
-inline V size_of_lanes(V x) {
-  return x < 0 ? -x : x;
+// The type of one number of N, a number or lanes.
+template <class N>
+struct NumberOf {
+  using type = std::remove_reference_t<decltype(N{}[0])>;
+};
+template <>
+struct NumberOf<double> {
+  using type = double;
+};
+template <>
+struct NumberOf<float> {
+  using type = float;
+};
+template <class N>
+using Number = typename NumberOf<N>::type;
+
+template <class N>
+inline N size_of(N x) {
+  if constexpr (std::is_floating_point_v<N>) {
+    return std::fabs(x);
+  } else {
+    using K = decltype(x < x);
+    return (N)((K)x & std::numeric_limits<typename Format<Number<N>>::Word>::max());
+  }
 }
 
-template <class V>
-inline V larger_lanes(V a, V b) {
+template <class N>
+inline N larger(N a, N b) {
   return a > b ? a : b;
 }
 
-template <class V>
-inline V smaller_lanes(V a, V b) {
+template <class N>
+inline N smaller(N a, N b) {
   return a < b ? a : b;
+}
+
+template <class N>
+inline N one_if_zero(N x) {
+  return x == 0 ? N{} + 1 : x;
 }
 
 template <class Real>
@@ -178,19 +196,19 @@ inline auto sum_of_lanes(V x) {
 
 template <class V>
 inline auto largest_lane(V x) {
-  return over_lanes(x, larger_lanes<V>);
+  return over_lanes(x, larger<V>);
 }
 
 template <class V>
 inline auto smallest_lane(V x) {
-  return over_lanes(x, smaller_lanes<V>);
+  return over_lanes(x, smaller<V>);
 }
 
 // max |x_j| over whole groups of lanes.
 template <class Real>
 inline Real largest_of(const Real* x, int n) {
   Lanes<Real> most{};
-  for (int j = 0; j < n; j += Format<Real>::width) most = larger_lanes(most, size_of_lanes(lanes_at(x + j)));
+  for (int j = 0; j < n; j += Format<Real>::width) most = larger(most, size_of(lanes_at(x + j)));
   return largest_lane(most);
 }
 
@@ -211,6 +229,20 @@ inline Real power_of_two(int k) {
   Real x;
   std::memcpy(&x, &word, sizeof x);
   return x;
+}
+
+// 2^-e with 2^(e-1) <= x < 2^e, for x >= 0, a number or lanes; finite and not zero whatever x is.
+template <class N>
+inline N per_power_of_two(N x) {
+  if constexpr (std::is_floating_point_v<N>) {
+    return per_power_of_two(all(x))[0];
+  } else {
+    using F = Format<Number<N>>;
+    using K = decltype(x < x);
+    constexpr typename F::Word one = typename F::Word(1) << F::fraction;
+    const K word = (2 * F::bias - 1) * one - ((K)x & (2 * F::bias + 1) * one);
+    return (N)(word > one ? word : K{} + one);
+  }
 }
 
 // x 2^k in two steps, so that only the product can overflow and not the factor.

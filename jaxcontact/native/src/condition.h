@@ -23,7 +23,7 @@ Real condition(const Real* M, const bool* held, Workspace<Real>& work) {
     for (int j = 0; j < stride; j += W) {
       const V x = lanes_at(row + j) * own;
       put(x, row + j);
-      put(larger_lanes(lanes_at(right + j), size_of_lanes(x)), right + j);
+      put(larger(lanes_at(right + j), size_of(x)), right + j);
     }
   }
   for (int j = 0; j < stride; ++j) unit[j] = j < m ? power_of_two<Real>(-exponent(right[j])) : Real(0);
@@ -35,8 +35,8 @@ Real condition(const Real* M, const bool* held, Workspace<Real>& work) {
       for (int j = 0; j < stride; j += W) {
         const V x = balance ? lanes_at(K + i * stride + j) * lanes_at(unit + j) : lanes_at(K + i * stride + j);
         put(x, K + i * stride + j);
-        sum += size_of_lanes(x);
-        largest = larger_lanes(largest, size_of_lanes(x));
+        sum += size_of(x);
+        largest = larger(largest, size_of(x));
       }
       const Real total = sum_of_lanes(sum);
       norm = total <= norm ? norm : total;
@@ -106,7 +106,7 @@ void condition_lanes(const Real* M, const bool* held, int count, Workspace<Real>
     V most{};
     for (int j = 0; j < m; ++j) {
       A[i][j] = on[j] ? A[i][j] : i == j ? V{} + 1 : V{};
-      most = larger_lanes(most, size_of_lanes(A[i][j]));
+      most = larger(most, size_of(A[i][j]));
     }
     const V unit = unit_of(most);
     for (int j = 0; j < m; ++j) A[i][j] *= unit;
@@ -114,7 +114,7 @@ void condition_lanes(const Real* M, const bool* held, int count, Workspace<Real>
   K alone{};
   for (int j = 0; j < m; ++j) {
     V most{};
-    for (int i = 0; i < m; ++i) most = larger_lanes(most, size_of_lanes(A[i][j]));
+    for (int i = 0; i < m; ++i) most = larger(most, size_of(A[i][j]));
     const V unit = unit_of(most);
     for (int i = 0; i < m; ++i) A[i][j] *= unit;
     alone |= ~((most > 0) & (most < infinity<Real>));
@@ -123,9 +123,9 @@ void condition_lanes(const Real* M, const bool* held, int count, Workspace<Real>
     V largest{};
     for (int i = 0; i < m; ++i) {
       V sum{};
-      for (int j = 0; j < m; ++j) sum += size_of_lanes(A[i][j]);
+      for (int j = 0; j < m; ++j) sum += size_of(A[i][j]);
       alone |= ~(sum == sum);
-      largest = larger_lanes(largest, sum);
+      largest = larger(largest, sum);
     }
     return largest;
   };
@@ -134,9 +134,9 @@ void condition_lanes(const Real* M, const bool* held, int count, Workspace<Real>
     V column[m], most{};
     for (int i = 0; i < m; ++i) {
       column[i] = A[i][s];
-      most = larger_lanes(most, size_of_lanes(column[i]));
+      most = larger(most, size_of(column[i]));
     }
-    alone |= ~(size_of_lanes(column[s]) > SMALL_PIVOT<Real> * most);
+    alone |= ~(size_of(column[s]) > SMALL_PIVOT<Real> * most);
     const V inverse = 1 / column[s];
     for (int j = 0; j < m; ++j) A[s][j] *= inverse;
     for (int i = 0; i < m; ++i)

@@ -12,24 +12,24 @@ struct DirectRules {
   static constexpr int regular = 64, clear = 1024, corrections = 3, corrections_of_two = 2;
 };
 
-// eta of z in balanced units.
+// What candidates are compared by: eta of z up to a factor of two, since powers of two stand for the largest z and w.
 template <int m, class V>
-inline V backward_error(const V (&M)[m][m], const V (&q)[m], const V (&z)[m]) {
+inline V rough_error(const V (&M)[m][m], const V (&q)[m], const V (&z)[m]) {
   V w[m], size_z{}, size_w{};
   for (int i = 0; i < m; ++i) {
-    V sum = q[i], terms = size_of_lanes(q[i]);
+    V sum = q[i], terms = size_of(q[i]);
     for (int j = 0; j < m; ++j) {
       sum += M[i][j] * z[j];
-      terms += size_of_lanes(M[i][j]) * z[j];
+      terms += size_of(M[i][j]) * z[j];
     }
     w[i] = sum;
-    size_z = larger_lanes(size_z, z[i]);
-    size_w = larger_lanes(size_w, terms);
+    size_z = larger(size_z, z[i]);
+    size_w = larger(size_w, terms);
   }
-  const V per_z = 1 / one_if_zero(size_z), per_w = 1 / one_if_zero(size_w);
+  const V per_z = per_power_of_two(size_z), per_w = per_power_of_two(size_w);
   V eta{};
   for (int i = 0; i < m; ++i) {
-    const V part = size_of_lanes(smaller_lanes(z[i] * per_z, w[i] * per_w));
+    const V part = size_of(smaller(z[i] * per_z, w[i] * per_w));
     eta = part <= eta ? eta : part;
   }
   return eta;
@@ -49,9 +49,9 @@ struct Vertices {
     const auto& M = group.M;
     const auto& q = group.q;
     for (V& x : z) x = V{};
-    V least = backward_error<m>(M, q, z);
+    V least = rough_error<m>(M, q, z);
     const auto offer = [&](const V(&candidate)[m]) {
-      const V eta = backward_error<m>(M, q, candidate);
+      const V eta = rough_error<m>(M, q, candidate);
       const auto better = eta < least;
       for (int i = 0; i < m; ++i) z[i] = better ? candidate[i] : z[i];
       least = better ? eta : least;
@@ -113,14 +113,14 @@ struct Minors {
     V margin_of_best = all(-infinity<Real>), smallest = all(Real(1));
     for (V& x : z) x = V{};
     for (int S = 0; S < 1 << m; ++S) {
-      const V volume = of[S][S], size = size_of_lanes(volume), sign = volume < 0 ? V{} - 1 : V{} + 1;
+      const V volume = of[S][S], size = size_of(volume), sign = volume < 0 ? V{} - 1 : V{} + 1;
       V unit = size, least = all(infinity<Real>), values[m];
       for (int k = 0; k < m; ++k) {
         const bool pressing = S >> k & 1;
         const V x = sign * (pressing ? -replaced(S, k) : replaced(S | 1 << k, k));
         values[k] = pressing ? x : V{};
-        if (pressing) unit = larger_lanes(unit, size_of_lanes(x));
-        least = smaller_lanes(least, x);
+        if (pressing) unit = larger(unit, size_of(x));
+        least = smaller(least, x);
       }
       const auto regular = size > DirectRules::regular * eps<Real>;
       const V margin = regular ? least / one_if_zero(unit) : all(-infinity<Real>);
@@ -128,9 +128,9 @@ struct Minors {
       const V inverse = 1 / one_if_zero(size);
       for (int k = 0; k < m; ++k) z[k] = better ? values[k] * inverse : z[k];
       margin_of_best = better ? margin : margin_of_best;
-      smallest = smaller_lanes(smallest, size);
+      smallest = smaller(smallest, size);
     }
-    return margin_of_best < -DirectRules::clear * eps<Real> / larger_lanes(smallest, all(eps<Real>));
+    return margin_of_best < -DirectRules::clear * eps<Real> / larger(smallest, all(eps<Real>));
   }
 };
 

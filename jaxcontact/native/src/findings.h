@@ -2,8 +2,6 @@
 // verdict.
 #pragma once
 
-#include <cmath>
-
 #include "group.h"
 
 namespace jaxcontact {
@@ -20,11 +18,6 @@ struct JudgeRules {
 // Bits of `flags`. PROVED: the certificate excludes a feasible point; DEPENDENT: no mode is regular.
 enum Flags : int { DATA_FINITE = 1, POINT_FINITE = 2, PROVED = 4, DEPENDENT = 8 };
 
-template <class N>
-inline N bigger(N a, N b) {
-  return b > a ? b : a;
-}
-
 // A problem of m contacts at a point z, for N a number or a group of lanes: w = M z + q, terms = |M||z| + |q|, t the
 // stiffness of each row, up = 2^rows and down = 2^-rows the balanced units.
 template <class N>
@@ -32,46 +25,52 @@ struct Point {
   int m;
   const N *q, *z, *w, *terms, *t, *up, *down;
 
-  static N size(N x) { return x < 0 ? -x : x; }
-  static N per(N x) { return 1 / (x > 0 ? x : x - x + 1); }
 
-  // 1 / (the largest z and w in balanced units).
-  void fair(N* per_z, N* per_w) const {
-    N most_z{}, most_w{};
-    for (int i = 0; i < m; ++i) {
-      most_z = bigger(most_z, size(z[i]) * down[i]);
-      most_w = bigger(most_w, terms[i] * up[i]);
+  // z / Z and w / W over a common denominator: z times `z`, w times `w`, over `whole`, which is about one.
+  struct Shares {
+    N z, w, whole;
+
+    Shares(N Z, N W) : z(per_power_of_two(Z)), w(per_power_of_two(W)) {
+      const N unit_z = one_if_zero(Z * z), unit_w = one_if_zero(W * w);
+      z *= unit_w, w *= unit_z, whole = unit_z * unit_w;
     }
-    *per_z = per(most_z), *per_w = per(most_w);
+  };
+
+  Shares balanced() const {
+    N Z{}, W{};
+    for (int i = 0; i < m; ++i) {
+      Z = larger(Z, size_of(z[i]) * down[i]);
+      W = larger(W, terms[i] * up[i]);
+    }
+    return {Z, W};
   }
 
   void errors(N* eta, N* rho) const {
-    N size_z{}, size_w{}, load{}, miss{}, most{}, fair_z, fair_w;
+    N Z{}, W{}, load{}, miss{}, one{}, other{};
     for (int i = 0; i < m; ++i) {
-      size_z = bigger(size_z, size(z[i]));
-      size_w = bigger(size_w, terms[i]);
-      load = bigger(load, size(q[i]));
+      Z = larger(Z, size_of(z[i]));
+      W = larger(W, terms[i]);
+      load = larger(load, size_of(q[i]));
       const N scaled = t[i] * z[i];
-      miss = bigger(miss, size(scaled < w[i] ? scaled : w[i]));
+      miss = larger(miss, size_of(scaled < w[i] ? scaled : w[i]));
     }
-    *rho = miss * per(load);
-    fair(&fair_z, &fair_w);
-    const N per_z = per(size_z), per_w = per(size_w);
+    *rho = miss / one_if_zero(load);
+    const Shares plain(Z, W), fair = balanced();
     for (int i = 0; i < m; ++i) {
-      const N a = z[i] * per_z, b = w[i] * per_w, c = z[i] * down[i] * fair_z, d = w[i] * up[i] * fair_w;
-      most = bigger(most, size(a < b ? a : b));
-      most = bigger(most, size(c < d ? c : d));
+      const N a = z[i] * plain.z, b = w[i] * plain.w, c = z[i] * down[i] * fair.z, d = w[i] * up[i] * fair.w;
+      one = larger(one, size_of(a < b ? a : b));
+      other = larger(other, size_of(c < d ? c : d));
     }
-    *eta = most;
+    const auto second = other * plain.whole > one * fair.whole;
+    *eta = (second ? other : one) / (second ? fair.whole : plain.whole);
   }
 
   template <class Real, class Mask>
   void classes(Mask* active, Mask* degenerate) const {
-    const N zero = N{} + JudgeRules::degeneracy * eps<Real>;
-    N fair_z, fair_w;
-    fair(&fair_z, &fair_w);
+    const Shares fair = balanced();
+    const N zero = JudgeRules::degeneracy * eps<Real> * fair.whole;
     for (int i = 0; i < m; ++i) {
-      const N c = z[i] * down[i] * fair_z, d = w[i] * up[i] * fair_w;
+      const N c = z[i] * down[i] * fair.z, d = w[i] * up[i] * fair.w;
       active[i] = (c > zero) & ((d <= zero) | (c > d));
       degenerate[i] = (c <= zero) & (d <= zero);
     }
@@ -179,7 +178,7 @@ Point<Real> at_point(const Real* q, const Real* x, Workspace<Real>& work) {
     for (int j = 0; j < stride; j += Format<Real>::width) {
       const Lanes<Real> product = lanes_at(row + j) * lanes_at(x + j);
       sum += product;
-      size += size_of_lanes(product);
+      size += size_of(product);
     }
     w[i] = q[i] + sum_of_lanes(sum);
     terms[i] = size_of(q[i]) + sum_of_lanes(size);
@@ -264,11 +263,11 @@ struct GroupJudge {
     for (int i = 0; i < m; ++i) {
       x[i] = z[i];
       w[i] = given.load[i];
-      terms[i] = size_of_lanes(w[i]);
+      terms[i] = size_of(w[i]);
       for (int j = 0; j < m; ++j) {
         const V product = given.A[i][j] * z[j];
         w[i] += product;
-        terms[i] += size_of_lanes(product);
+        terms[i] += size_of(product);
       }
     }
     return {m, given.load, x, w, terms, t, up, down};

@@ -12,11 +12,6 @@ namespace jaxcontact {
 // Up to this many contacts a group of problems fits the nearest cache and its loops are written out.
 constexpr int GROUPED = 8;
 
-template <class V>
-inline V one_if_zero(V x) {
-  return x > 0 ? x : x - x + 1;
-}
-
 template <class Real>
 inline bool any_lane(Masks<Real> mask) {  // true is -1
 #if defined(__AVX512DQ__)
@@ -157,11 +152,11 @@ inline void load(const Given<m, Real>& given, Group<m, Real>& group) {
   for (int i = 0; i < m; ++i) {
     for (int j = 0; j < m; ++j) {
       group.M[i][j] = given.A[i][j] * group.unit[i] * group.unit[j];
-      largest = larger_lanes(largest, size_of_lanes(group.M[i][j]));
+      largest = larger(largest, size_of(group.M[i][j]));
       plain &= group.M[i][j] == group.M[i][j];
     }
     group.q[i] = given.load[i] * group.unit[i];
-    heaviest = larger_lanes(heaviest, size_of_lanes(group.q[i]));
+    heaviest = larger(heaviest, size_of(group.q[i]));
     plain &= group.q[i] == group.q[i];
   }
   const K size_M = exponents<Real>(largest), size_q = heaviest > 0 ? exponents<Real>(heaviest) : K{};
@@ -186,7 +181,7 @@ inline Lanes<Real> violation_of_lanes(const Group<m, Real>& group, const Lanes<R
   for (int i = 0; i < m; ++i) {
     miss[i] = group.q[i];
     for (int j = 0; j < m; ++j) miss[i] += group.M[i][j] * z[j];
-    const Lanes<Real> size = size_of_lanes(smaller_lanes(z[i], miss[i]));
+    const Lanes<Real> size = size_of(smaller(z[i], miss[i]));
     most = size <= most ? most : size;
   }
   return most;
@@ -202,8 +197,8 @@ template <int m, class Real>
 inline Masks<Real> settled_lanes(const Group<m, Real>& group, const Lanes<Real> (&z)[m], const Lanes<Real> (&miss)[m]) {
   Masks<Real> all_rows = ~Masks<Real>{};
   for (int i = 0; i < m; ++i) {
-    Lanes<Real> terms = size_of_lanes(group.q[i]);
-    for (int j = 0; j < m; ++j) terms += size_of_lanes(group.M[i][j] * z[j]);
+    Lanes<Real> terms = size_of(group.q[i]);
+    for (int j = 0; j < m; ++j) terms += size_of(group.M[i][j] * z[j]);
     const Lanes<Real> allowed = EXACT * eps<Real> * terms;
     all_rows &= (miss[i] >= -allowed) & ((z[i] <= 0) | (miss[i] <= allowed));
   }

@@ -156,7 +156,7 @@ void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, 
       for (int i = 0; i < m; ++i) {
         column[i] = V{};
         for (int k = 0; k < n; ++k) column[i] = entering == k ? -T[i][k] : column[i];
-        most = larger_lanes(most, size_of_lanes(column[i]));
+        most = larger(most, size_of(column[i]));
       }
       floor = LemkeRules::pivot<Real> * most;
       taken -= going;
@@ -165,9 +165,9 @@ void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, 
     for (int i = 0; i < m; ++i) {
       const K candidate = column[i] > floor;
       ratio[i] = candidate ? values[i] / (candidate ? column[i] : V{} + 1) : all(infinity<Real>);
-      least = smaller_lanes(least, ratio[i]);
+      least = smaller(least, ratio[i]);
     }
-    const V limit = least + LemkeRules::tie<Real> * (1 + size_of_lanes(least));
+    const V limit = least + LemkeRules::tie<Real> * (1 + size_of(least));
     K row = K{} - 1, artificial = K{} - 1, tied{};
     for (int i = m - 1; i >= 0; --i) {
       const K here = (ratio[i] <= limit) & (column[i] > floor);

@@ -2,8 +2,6 @@
 // the judge asks of them.
 #pragma once
 
-#include <cmath>
-
 #include "findings.h"
 
 namespace jaxcontact {
@@ -48,7 +46,6 @@ struct Pairs {
   V z[m], w[m], certificate[m];
   K dependent;
 
-  static V absolute(V x) { return size_of_lanes(x); }
   static V over(V a, V b) { return a / (b == 0 ? V{} + 1 : b); }
   static V per(V x) { return 1 / one_if_zero(x); }
 
@@ -60,14 +57,14 @@ struct Pairs {
       V most{};
       for (int j = 0; j < m; ++j) {
         A[i][j] = P[i][j], A[i][m + j] = -N[i][j];
-        most = bigger(most, bigger(absolute(P[i][j]), absolute(N[i][j])));
+        most = larger(most, larger(size_of(P[i][j]), size_of(N[i][j])));
       }
       row[i] = 1 / size_in_powers_of_two<Real>(most);
       load[i] = -q[i] * row[i];
     }
     for (int j = 0; j < 2 * m; ++j) {
       V most{};
-      for (int i = 0; i < m; ++i) most = bigger(most, absolute(A[i][j] *= row[i]));
+      for (int i = 0; i < m; ++i) most = larger(most, size_of(A[i][j] *= row[i]));
       column[j] = 1 / size_in_powers_of_two<Real>(most);
       for (int i = 0; i < m; ++i) A[i][j] *= column[j];
     }
@@ -97,8 +94,8 @@ struct Pairs {
       for (int j = 0; j < 2 * m; j += m)
         for (int k = 1; k < 2 * m; k += m) {
           const V a = A[0][j], c = A[1][j], b = A[0][k], d = A[1][k], volume = det2<Real>(a, b, c, d);
-          const V size = bigger(bigger(absolute(a), absolute(b)), bigger(absolute(c), absolute(d)));
-          const K sound = absolute(volume) > JudgeRules::pivot_floor * m * eps<Real> * size * size;
+          const V size = larger(larger(size_of(a), size_of(b)), larger(size_of(c), size_of(d)));
+          const K sound = size_of(volume) > JudgeRules::pivot_floor * m * eps<Real> * size * size;
           V candidate[2 * m] = {};
           candidate[j] = cut(over(det2<Real>(load[0], b, load[1], d), volume));
           candidate[k] = cut(over(det2<Real>(a, load[0], c, load[1]), volume));
@@ -117,14 +114,14 @@ struct Pairs {
   V violation(const V (&y)[2 * m]) const {
     V most{}, size{};
     for (int i = 0; i < m; ++i) {
-      V miss = -load[i], terms = absolute(load[i]);
+      V miss = -load[i], terms = size_of(load[i]);
       for (int j = 0; j < 2 * m; ++j) {
         miss += y[j] * A[i][j];
-        terms += y[j] * absolute(A[i][j]);
+        terms += y[j] * size_of(A[i][j]);
       }
-      miss = absolute(miss);
+      miss = size_of(miss);
       most = miss <= most ? most : miss;
-      size = bigger(size, terms);
+      size = larger(size, terms);
     }
     return most * per(size);
   }
@@ -136,7 +133,7 @@ struct Pairs {
     for (V& part : certificate) part = V{};
     const auto offer = [&](const V(&normal)[m]) {
       V length{}, y[m], fall{};
-      for (const V& part : normal) length = bigger(length, absolute(part));
+      for (const V& part : normal) length = larger(length, size_of(part));
       const V unit = 1 / size_in_powers_of_two<Real>(length);  // no rounding
       for (int i = 0; i < m; ++i) {
         y[i] = normal[i] * unit;
@@ -147,7 +144,7 @@ struct Pairs {
         V along{}, size{};
         for (int i = 0; i < m; ++i) {
           along += y[i] * A[i][j];
-          size += absolute(A[i][j]);
+          size += size_of(A[i][j]);
         }
         better &= along >= -JudgeRules::pivot_floor * eps<Real> * size;
       }
@@ -174,27 +171,27 @@ struct Pairs {
   void judge(const Real* P_, const Real* N_, const Real* q_, int count, const PairsFound<Real>& to) const {
     V unit_z[m], unit_w[m], size{}, both{}, miss{}, terms{}, heaviest{}, point{}, data{};
     for (int i = 0; i < m; ++i) {
-      V most_P{}, most_N{}, sum = q[i], part = absolute(q[i]);
+      V most_P{}, most_N{}, sum = q[i], part = size_of(q[i]);
       for (int j = 0; j < m; ++j) {
-        most_P = bigger(most_P, absolute(P[j][i]));
-        most_N = bigger(most_N, absolute(N[j][i]));
+        most_P = larger(most_P, size_of(P[j][i]));
+        most_N = larger(most_N, size_of(N[j][i]));
         sum += P[i][j] * z[j] - N[i][j] * w[j];
-        part += absolute(P[i][j]) * z[j] + absolute(N[i][j]) * w[j];
+        part += size_of(P[i][j]) * z[j] + size_of(N[i][j]) * w[j];
         data += (P[i][j] - P[i][j]) + (N[i][j] - N[i][j]);
       }
       data += q[i] - q[i];
       point += (z[i] - z[i]) + (w[i] - w[i]) + (sum - sum);
       unit_z[i] = size_in_powers_of_two<Real>(most_P), unit_w[i] = size_in_powers_of_two<Real>(most_N);
       const V a = z[i] * unit_z[i], b = w[i] * unit_w[i];
-      size = bigger(size, bigger(a, b));
-      both = bigger(both, smaller_lanes(a, b));
-      miss = bigger(miss, absolute(sum));
-      terms = bigger(terms, part);
-      heaviest = bigger(heaviest, absolute(q[i]));
+      size = larger(size, larger(a, b));
+      both = larger(both, smaller(a, b));
+      miss = larger(miss, size_of(sum));
+      terms = larger(terms, part);
+      heaviest = larger(heaviest, size_of(q[i]));
     }
     const K whole = point == 0;
     const V share = per(size), lost = all(not_a_number<Real>);
-    const V eta = whole ? bigger(miss * per(terms), both * share) : lost, rho = whole ? miss * per(heaviest) : lost;
+    const V eta = whole ? larger(miss * per(terms), both * share) : lost, rho = whole ? miss * per(heaviest) : lost;
     K active[m], degenerate[m];
     V mode[m][m];
     for (int i = 0; i < m; ++i) {
@@ -232,7 +229,7 @@ struct Pairs {
       V largest{};
       for (int i = 0; i < m; ++i) {
         V sum{};
-        for (int j = 0; j < m; ++j) sum += absolute(B[i][j]);
+        for (int j = 0; j < m; ++j) sum += size_of(B[i][j]);
         largest = sum <= largest ? largest : sum;
       }
       return largest;
@@ -240,13 +237,13 @@ struct Pairs {
     V largest{};
     for (int i = 0; i < m; ++i) {
       V most{};
-      for (int j = 0; j < m; ++j) most = bigger(most, absolute(B[i][j]));
+      for (int j = 0; j < m; ++j) most = larger(most, size_of(B[i][j]));
       for (int j = 0; j < m; ++j) B[i][j] /= size_in_powers_of_two<Real>(most);
     }
     for (int j = 0; j < m; ++j) {
       V most{};
-      for (int i = 0; i < m; ++i) most = bigger(most, absolute(B[i][j]));
-      for (int i = 0; i < m; ++i) largest = bigger(largest, absolute(B[i][j] /= size_in_powers_of_two<Real>(most)));
+      for (int i = 0; i < m; ++i) most = larger(most, size_of(B[i][j]));
+      for (int i = 0; i < m; ++i) largest = larger(largest, size_of(B[i][j] /= size_in_powers_of_two<Real>(most)));
     }
     const V before = norm();
     K regular;
@@ -255,7 +252,7 @@ struct Pairs {
       B[0][0] = 1 / (regular ? B[0][0] : V{} + 1);
     } else {
       const V volume = det2<Real>(B[0][0], B[0][1], B[1][0], B[1][1]);
-      regular = absolute(volume) > JudgeRules::pivot_floor * m * eps<Real> * largest * largest;
+      regular = size_of(volume) > JudgeRules::pivot_floor * m * eps<Real> * largest * largest;
       const V scale = 1 / (regular ? volume : V{} + 1), first = B[0][0];
       B[0][0] = B[1][1] * scale, B[1][1] = first * scale;
       B[0][1] *= -scale, B[1][0] *= -scale;

@@ -28,9 +28,9 @@ inline int choose_row(const Workspace<Real>& work, bool quick, bool* stuck) {
   };
   V size_z{}, size_w = all(Real(1));
   for (int j = 0; j < stride; j += W) {
-    const V size = size_of_lanes(lanes_at(values + j));
-    size_w = larger_lanes(size_w, size);
-    size_z = larger_lanes(size_z, mask_at(work.active, j) ? size : V{});
+    const V size = size_of(lanes_at(values + j));
+    size_w = larger(size_w, size);
+    size_z = larger(size_z, mask_at(work.active, j) ? size : V{});
   }
   const V floor_z = all(-PrincipalRules::negative<Real> * largest_lane(size_z));
   const V floor_w = all(-PrincipalRules::negative<Real> * largest_lane(size_w));
@@ -42,7 +42,7 @@ inline int choose_row(const Workspace<Real>& work, bool quick, bool* stuck) {
     const K negative = value < (mask_at(work.active, j) ? floor_z : floor_w), barred = mask_at(work.barred, j);
     const V depth = negative & ~barred ? (quick ? value : V{} - 1) : V{};
     first = depth < lowest ? index : first;
-    lowest = smaller_lanes(lowest, depth);
+    lowest = smaller(lowest, depth);
     blocked = negative & barred & (blocked > index) ? index : blocked;
   }
   const Real least = smallest_lane(lowest);
@@ -120,9 +120,9 @@ void principal_lanes(const Given<m, Real>& given, int budget, Real* z, Real* cer
   for (int count_of_steps = 0;; ++count_of_steps) {
     V size_z{}, size_w = all(Real(1));
     for (int i = 0; i < m; ++i) {
-      const V size = size_of_lanes(values[i]);
-      size_w = larger_lanes(size_w, size);
-      size_z = active[i] ? larger_lanes(size_z, size) : size_z;
+      const V size = size_of(values[i]);
+      size_w = larger(size_w, size);
+      size_z = active[i] ? larger(size_z, size) : size_z;
     }
     const V floor_z = -PrincipalRules::negative<Real> * size_z, floor_w = -PrincipalRules::negative<Real> * size_w;
     const bool quick = count_of_steps < PrincipalRules::quick * m;
@@ -151,7 +151,7 @@ void principal_lanes(const Given<m, Real>& given, int budget, Real* z, Real* cer
       pivot = here ? T[i][i] : pivot;
       value = here ? values[i] : value;
     }
-    for (int j = 0; j < m; ++j) most = larger_lanes(most, size_of_lanes(across[j]));
+    for (int j = 0; j < m; ++j) most = larger(most, size_of(across[j]));
     const K go = now & (pivot > PrincipalRules::pivot<Real> * most);
     const V inverse = go ? 1 / (go ? pivot : V{} + 1) : V{}, step = value * inverse;
     for (int j = 0; j < m; ++j) across[j] *= inverse;

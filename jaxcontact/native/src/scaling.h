@@ -111,7 +111,7 @@ inline Units scaled(const Real* M, const Real* q, int m, int stride_, int* rows,
     for (int j = 0; j < stride; j += W) {
       const Lanes<Real> x = lanes_at(row + j) * own * lanes_at(unit + j);
       put(x, row + j);
-      most = larger_lanes(most, size_of_lanes(x));
+      most = larger(most, size_of(x));
     }
   }
   const Real largest = largest_lane(most);

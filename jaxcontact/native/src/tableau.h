@@ -119,7 +119,7 @@ inline bool settled(const Real* __restrict M, const Real* __restrict q, const Re
   for (int i = 0; i < m; ++i) {
     Lanes<Real> sum{};
     for (int j = 0; j < stride; j += Format<Real>::width)
-      sum += size_of_lanes(lanes_at(M + i * stride + j) * lanes_at(z + j));
+      sum += size_of(lanes_at(M + i * stride + j) * lanes_at(z + j));
     const Real allowed = EXACT * eps<Real> * (size_of(q[i]) + sum_of_lanes(sum));
     all &= z[i] > 0 ? size_of(miss[i]) <= allowed : miss[i] >= -allowed;
   }
