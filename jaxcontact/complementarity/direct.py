@@ -17,7 +17,7 @@ from jaxcontact.complementarity.method import Answer
 from jaxcontact.complementarity.minors import best_mode
 from jaxcontact.complementarity.pairs import Pairs, best_of_pairs
 from jaxcontact.complementarity.problems import LCP
-from jaxcontact.complementarity.scaling import scaled
+from jaxcontact.complementarity.scaling import exponent, power_of_two, scaled
 from jaxcontact.complementarity.status import Status
 from jaxcontact.linalg import as_one, from_one, fused, walled
 
@@ -135,20 +135,16 @@ def _vertices(M, q):
 
 
 def _violation(M, q, z):
-    """eta of z in balanced units, from scalars."""
+    """What candidates are compared by: eta of z in balanced units, powers of two standing for the largest z and w."""
     m = len(z)
     w = [sum((M[i, j] * z[j] for j in range(m)), q[i]) for i in range(m)]
     terms = [sum((jnp.abs(M[i, j]) * z[j] for j in range(m)), jnp.abs(q[i])) for i in range(m)]
-    size_z, size_w = (_above_zero(_largest(parts)) for parts in (z, terms))
-    return _largest([jnp.abs(jnp.minimum(z[i] / size_z, w[i] / size_w)) for i in range(m)])
+    per_z, per_w = (power_of_two(-exponent(_largest(parts)), terms[0].dtype) for parts in (z, terms))
+    return _largest([jnp.abs(jnp.minimum(z[i] * per_z, w[i] * per_w)) for i in range(m)])
 
 
 def _largest(scalars):
     return scalars[0] if len(scalars) == 1 else jnp.maximum(*scalars)
-
-
-def _above_zero(x):
-    return jnp.where(x > 0, x, 1)
 
 
 def _held(x):

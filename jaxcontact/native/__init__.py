@@ -121,7 +121,8 @@ def principal(M, q, wanted, budget: int, certified: bool = False) -> Answers:
     """Principal pivoting, `complementarity.principal`.
 
     M (m, m), q (m,); wanted (m,) bool or (0,): rows to make active first; certified: whether the certificate is given
-    and not only looked at. Leading axes are batches here and below.
+    and not only looked at. Leading axes are batches here and below. Up to eight contacts without `wanted` the rows take
+    turns, as then several problems pivot the same row at once; what that does not solve is solved as in JAX.
 
     >>> principal(jnp.eye(1), -jnp.ones(1), jnp.ones(0, bool), 10).z     # 1
     """

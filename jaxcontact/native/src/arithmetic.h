@@ -7,6 +7,10 @@
 #include <limits>
 #include <type_traits>
 
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
+
 namespace jaxcontact {
 
 template <class Real>
@@ -85,13 +89,22 @@ inline N size_of(N x) {
   }
 }
 
+// Written out, since some compilers make two instructions of a comparison and a choice. With NaN it is b.
 template <class N>
 inline N larger(N a, N b) {
+#if defined(__AVX512F__)
+  if constexpr (std::is_same_v<N, Format<double>::Lanes>) return _mm512_max_pd(a, b);
+  if constexpr (std::is_same_v<N, Format<float>::Lanes>) return _mm512_max_ps(a, b);
+#endif
   return a > b ? a : b;
 }
 
 template <class N>
 inline N smaller(N a, N b) {
+#if defined(__AVX512F__)
+  if constexpr (std::is_same_v<N, Format<double>::Lanes>) return _mm512_min_pd(a, b);
+  if constexpr (std::is_same_v<N, Format<float>::Lanes>) return _mm512_min_ps(a, b);
+#endif
   return a < b ? a : b;
 }
 
@@ -104,6 +117,48 @@ template <class Real>
 inline Lanes<Real> lanes_at(const Real* x) {
   Lanes<Real> found;
   std::memcpy(&found, x, sizeof found);
+  return found;
+}
+
+// n numbers, at most a group, with zeros behind.
+template <class Real>
+inline Lanes<Real> some_lanes_at(const Real* x, int n) {
+  constexpr int W = Format<Real>::width;
+  if (n >= W) return lanes_at(x);
+#if defined(__AVX512F__)
+  if constexpr (W == 8)
+    return _mm512_maskz_loadu_pd((1u << n) - 1, x);
+  else
+    return _mm512_maskz_loadu_ps((1u << n) - 1, x);
+#else
+  Lanes<Real> found{};
+  for (int lane = 0; lane < n; ++lane) found[lane] = x[lane];
+  return found;
+#endif
+}
+
+template <class Word>
+inline auto masks_at(const Word* x) {
+  typedef Word Found __attribute__((vector_size(64)));
+  Found found;
+  std::memcpy(&found, x, sizeof found);
+  return found;
+}
+
+// 0, 1, 2, ...
+template <class Real>
+inline Masks<Real> lane_numbers() {
+  if constexpr (Format<Real>::width == 8)
+    return Masks<Real>{0, 1, 2, 3, 4, 5, 6, 7};
+  else
+    return Masks<Real>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+}
+
+// Numbers of memory that stand `stride` apart.
+template <class Real>
+inline Lanes<Real> strided(const Real* x, int stride) {
+  Lanes<Real> found;
+  for (int lane = 0; lane < Format<Real>::width; ++lane) found[lane] = x[lane * stride];
   return found;
 }
 
@@ -194,6 +249,17 @@ inline auto sum_of_lanes(V x) {
   return over_lanes(x, [](V a, V b) { return a + b; });
 }
 
+// In lane k the sum of the lanes of x[k], for a power of two of groups, repeated to fill the lanes; x is lost.
+template <int n, class V>
+inline V sums_of_lanes(V* x) {
+  if constexpr (n == 1) {
+    return x[0];
+  } else {
+    for (int k = 0; k < n / 2; ++k) x[k] = evens(x[2 * k], x[2 * k + 1]) + odds(x[2 * k], x[2 * k + 1]);
+    return sums_of_lanes<n / 2>(x);
+  }
+}
+
 template <class V>
 inline auto largest_lane(V x) {
   return over_lanes(x, larger<V>);
@@ -202,6 +268,36 @@ inline auto largest_lane(V x) {
 template <class V>
 inline auto smallest_lane(V x) {
   return over_lanes(x, smaller<V>);
+}
+
+// A bit for each lane that is true, which is -1.
+template <class Real>
+inline unsigned lane_bits(Masks<Real> mask) {
+#if defined(__AVX512DQ__)
+  if constexpr (sizeof(Real) == 8)
+    return _mm512_movepi64_mask((__m512i)mask);
+  else
+    return _mm512_movepi32_mask((__m512i)mask);
+#else
+  unsigned bits = 0;
+  for (int lane = 0; lane < Format<Real>::width; ++lane) bits |= (mask[lane] & 1) << lane;
+  return bits;
+#endif
+}
+
+template <class Real>
+inline bool any_lane(Masks<Real> mask) {
+#if defined(__AVX512DQ__)
+  return lane_bits<Real>(mask) != 0;
+#else
+  return smallest_lane(mask) != 0;
+#endif
+}
+
+// The first true lane of those that are; one is.
+template <class Real>
+inline int first_lane(Masks<Real> mask) {
+  return __builtin_ctz(lane_bits<Real>(mask));
 }
 
 // max |x_j| over whole groups of lanes.
@@ -245,11 +341,32 @@ inline N per_power_of_two(N x) {
   }
 }
 
+// Whole numbers, one to a lane.
+template <class Real>
+inline void write_integers(Masks<Real> from, int count, int* to) {
+  typedef int Integers __attribute__((vector_size(sizeof(int) * Format<Real>::width)));
+  const Integers found = __builtin_convertvector(from, Integers);
+  std::memcpy(to, &found, count == Format<Real>::width ? sizeof found : sizeof(int) * count);
+}
+
 // x 2^k in two steps, so that only the product can overflow and not the factor.
 template <class Real>
 inline Real times_power_of_two(Real x, int k) {
   const int half = k >> 1;
   return x * power_of_two<Real>(half) * power_of_two<Real>(k - half);
+}
+
+// e with 2^(e-1) <= x < 2^e, for positive finite x.
+template <class Real>
+inline Masks<Real> exponents(Lanes<Real> x) {
+  using F = Format<Real>;
+  return (((Masks<Real>)x >> F::fraction) & (2 * F::bias + 1)) - (F::bias - 1);
+}
+
+// 2^k for k inside the normal numbers.
+template <class Real>
+inline Lanes<Real> powers_of_two(Masks<Real> k) {
+  return (Lanes<Real>)((k + Format<Real>::bias) << Format<Real>::fraction);
 }
 
 // The row length of a matrix in memory: whole groups of lanes, so that a row is a few instructions.

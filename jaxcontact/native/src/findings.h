@@ -18,13 +18,28 @@ struct JudgeRules {
 // Bits of `flags`. PROVED: the certificate excludes a feasible point; DEPENDENT: no mode is regular.
 enum Flags : int { DATA_FINITE = 1, POINT_FINITE = 2, PROVED = 4, DEPENDENT = 8 };
 
-// A problem of m contacts at a point z, for N a number or a group of lanes: w = M z + q, terms = |M||z| + |q|, t the
-// stiffness of each row, up = 2^rows and down = 2^-rows the balanced units.
-template <class N>
+// A problem at a point z: w = M z + q, terms = |M||z| + |q|, t the stiffness of each row, up = 2^rows and down =
+// 2^-rows the balanced units. N: lanes that hold a row of different problems each, or, with Real apart from it, that
+// many rows of one problem; `rows` counts the N.
+template <class N, class Real = N>
 struct Point {
-  int m;
-  const N *q, *z, *w, *terms, *t, *up, *down;
+  int rows;
+  const Real *q, *z, *w, *terms, *t, *up, *down;
 
+  static constexpr bool alone = !std::is_same_v<N, Real>;
+
+  static N at(const Real* x, int i) {
+    if constexpr (alone)
+      return lanes_at(x + i * Format<Real>::width);
+    else
+      return x[i];
+  }
+  static N most(N x) {
+    if constexpr (alone)
+      return all(largest_lane(x));
+    else
+      return x;
+  }
 
   // z / Z and w / W over a common denominator: z times `z`, w times `w`, over `whole`, which is about one.
   struct Shares {
@@ -38,41 +53,40 @@ struct Point {
 
   Shares balanced() const {
     N Z{}, W{};
-    for (int i = 0; i < m; ++i) {
-      Z = larger(Z, size_of(z[i]) * down[i]);
-      W = larger(W, terms[i] * up[i]);
+    for (int i = 0; i < rows; ++i) {
+      Z = larger(Z, size_of(at(z, i)) * at(down, i));
+      W = larger(W, at(terms, i) * at(up, i));
     }
-    return {Z, W};
+    return {most(Z), most(W)};
   }
 
   void errors(N* eta, N* rho) const {
     N Z{}, W{}, load{}, miss{}, one{}, other{};
-    for (int i = 0; i < m; ++i) {
-      Z = larger(Z, size_of(z[i]));
-      W = larger(W, terms[i]);
-      load = larger(load, size_of(q[i]));
-      const N scaled = t[i] * z[i];
-      miss = larger(miss, size_of(scaled < w[i] ? scaled : w[i]));
+    for (int i = 0; i < rows; ++i) {
+      Z = larger(Z, size_of(at(z, i)));
+      W = larger(W, at(terms, i));
+      load = larger(load, size_of(at(q, i)));
+      miss = larger(miss, size_of(smaller(at(t, i) * at(z, i), at(w, i))));
     }
-    *rho = miss / one_if_zero(load);
-    const Shares plain(Z, W), fair = balanced();
-    for (int i = 0; i < m; ++i) {
-      const N a = z[i] * plain.z, b = w[i] * plain.w, c = z[i] * down[i] * fair.z, d = w[i] * up[i] * fair.w;
-      one = larger(one, size_of(a < b ? a : b));
-      other = larger(other, size_of(c < d ? c : d));
+    *rho = most(miss) / one_if_zero(most(load));
+    const Shares plain(most(Z), most(W)), fair = balanced();
+    for (int i = 0; i < rows; ++i) {
+      one = larger(one, size_of(smaller(at(z, i) * plain.z, at(w, i) * plain.w)));
+      other = larger(other, size_of(smaller(at(z, i) * at(down, i) * fair.z, at(w, i) * at(up, i) * fair.w)));
     }
+    one = most(one), other = most(other);
     const auto second = other * plain.whole > one * fair.whole;
     *eta = (second ? other : one) / (second ? fair.whole : plain.whole);
   }
 
-  template <class Real, class Mask>
-  void classes(Mask* active, Mask* degenerate) const {
+  // to(i, active, degenerate) for each row.
+  template <class To>
+  void classes(To to) const {
     const Shares fair = balanced();
-    const N zero = JudgeRules::degeneracy * eps<Real> * fair.whole;
-    for (int i = 0; i < m; ++i) {
-      const N c = z[i] * down[i] * fair.z, d = w[i] * up[i] * fair.w;
-      active[i] = (c > zero) & ((d <= zero) | (c > d));
-      degenerate[i] = (c <= zero) & (d <= zero);
+    const N zero = JudgeRules::degeneracy * eps<Number<N>> * fair.whole;
+    for (int i = 0; i < rows; ++i) {
+      const N c = at(z, i) * at(down, i) * fair.z, d = at(w, i) * at(up, i) * fair.w;
+      to(i, (c > zero) & ((d <= zero) | (c > d)), (c <= zero) & (d <= zero));
     }
   }
 };
@@ -102,11 +116,11 @@ template <class Real>
 inline bool all_finite(const Real* x, int n) {
   constexpr int W = Format<Real>::width;
   Lanes<Real> sums{};  // zero, or NaN
-  Real sum = 0;
-  int i = 0;
-  for (; i + W <= n; i += W) sums += lanes_at(x + i) - lanes_at(x + i);
-  for (; i < n; ++i) sum += x[i] - x[i];
-  return sum + sum_of_lanes(sums) == 0;
+  for (int i = 0; i < n; i += W) {
+    const Lanes<Real> some = some_lanes_at(x + i, n - i);
+    sums += some - some;
+  }
+  return sum_of_lanes(sums) == 0;
 }
 
 // y'A_j with the error of twice the working precision (Dot2 of Ogita, Rump and Oishi), and |y|'|A_j|.
@@ -153,44 +167,54 @@ bool proves(const Real* P, const Real* N, const Real* q, const Real* y, int m, c
   return true;
 }
 
-// One problem made ready for `measure`: its rows padded (work.M), stiffness and balanced units of each.
+// One problem, its rows in the lanes.
+template <class Real>
+using Alone = Point<Lanes<Real>, Real>;
+
+// It is made ready: its rows padded (work.M), its load (work.q), stiffness and balanced units of each row.
 template <int S, class Real>
-void prepare(const Real* M, Workspace<Real>& work) {
+void prepare(const Real* M, const Real* q, Workspace<Real>& work) {
+  using V = Lanes<Real>;
   const int m = work.m, stride = S ? S : work.stride;
   Real *t = work.right.data(), *up = work.best.data(), *down = work.ratio.data();
-  row_exponents(M, m, work.rows.data());
-  for (int i = 0; i < m; ++i) {
-    copy_row<S>(M + i * m, m, stride, work.M.data() + i * stride);
-    t[i] = stiffness_of(M + i * m, i, m);
-    up[i] = power_of_two<Real>(work.rows[i]);
-    down[i] = power_of_two<Real>(-work.rows[i]);
+  for (int i = 0; i < stride; ++i) t[i] = i < m ? M[i * m + i] : 0;
+  if (plain_units(M, m, stride, work.rows.data(), up)) {
+    for (int i = 0; i < stride; i += Format<Real>::width) put(1 / one_if_zero(lanes_at(up + i)), down + i);
+  } else {
+    for (int i = 0; i < m; ++i) {
+      t[i] = stiffness_of(M + i * m, i, m);
+      up[i] = power_of_two<Real>(work.rows[i]);
+      down[i] = power_of_two<Real>(-work.rows[i]);
+    }
+    for (int i = m; i < stride; ++i) up[i] = down[i] = 0;
   }
+  for (int i = 0; i < m; ++i) copy_row<S>(M + i * m, m, stride, work.M.data() + i * stride);
+  copy_row<S>(q, m, stride, work.q.data());
 }
 
 // That problem at a point x (padded); w is work.miss.
 template <int S, class Real>
-Point<Real> at_point(const Real* q, const Real* x, Workspace<Real>& work) {
-  const int m = work.m, stride = S ? S : work.stride;
+Alone<Real> at_point(const Real* x, Workspace<Real>& work) {
+  using V = Lanes<Real>;
+  constexpr int W = Format<Real>::width;
+  const Real *M = work.M.data(), *q = work.q.data();
   Real *w = work.miss.data(), *terms = work.column.data();
-  for (int i = 0; i < m; ++i) {
-    const Real* row = work.M.data() + i * stride;
-    Lanes<Real> sum{}, size{};
-    for (int j = 0; j < stride; j += Format<Real>::width) {
-      const Lanes<Real> product = lanes_at(row + j) * lanes_at(x + j);
-      sum += product;
-      size += size_of(product);
-    }
-    w[i] = q[i] + sum_of_lanes(sum);
-    terms[i] = size_of(q[i]) + sum_of_lanes(size);
+  int groups = 0;
+  for (int i = 0; i < work.m; i += W, ++groups) {
+    put(lanes_at(q + i) + sums_of_rows<S>(M, x, work.stride, i, product_of<V>), w + i);
+    put(size_of(lanes_at(q + i)) + sums_of_rows<S>(M, x, work.stride, i, size_of_product<V>), terms + i);
   }
-  return {m, q, x, w, terms, work.right.data(), work.best.data(), work.ratio.data()};
+  return {groups, q, x, w, terms, work.right.data(), work.best.data(), work.ratio.data()};
 }
 
 template <class Real>
-void measure(const Point<Real>& point, const Found<Real>& found) {
-  point.errors(found.eta, found.rho);
-  const bool whole = all_finite(point.z, point.m) && all_finite(point.w, point.m);
-  if (!whole) *found.eta = *found.rho = not_a_number<Real>;  // comparisons above may have dropped it
+void measure(const Alone<Real>& point, const Found<Real>& found) {
+  Lanes<Real> eta, rho;
+  point.errors(&eta, &rho);
+  const int padded = point.rows * Format<Real>::width;
+  const bool whole = all_finite(point.z, padded) && all_finite(point.w, padded);
+  *found.eta = whole ? eta[0] : not_a_number<Real>;  // comparisons may have dropped it
+  *found.rho = whole ? rho[0] : not_a_number<Real>;
   *found.flags = whole ? POINT_FINITE : 0;
 }
 
@@ -202,10 +226,11 @@ inline auto clear(N eta, N rho) {
 
 // The rest of what is said of a point, once it is final.
 template <class Real>
-inline void write_flags(const Real* M, const Point<Real>& point, const Real* certificate, const Found<Real>& found) {
-  const int m = point.m;
+inline void write_flags(const Real* M, int m, const Alone<Real>& point, const Real* certificate,
+                        const Found<Real>& found) {
+  const Real* identity = nullptr;
   if (all_finite(M, m * m) && all_finite(point.q, m)) *found.flags |= DATA_FINITE;
-  if (!clear<Real>(*found.eta, *found.rho) && proves<Real>(M, nullptr, point.q, certificate, m, point.down, point.up))
+  if (!clear<Real>(*found.eta, *found.rho) && proves(M, identity, point.q, certificate, m, point.down, point.up))
     *found.flags |= PROVED;
 }
 
@@ -213,20 +238,24 @@ inline void write_flags(const Real* M, const Point<Real>& point, const Real* cer
 template <int S, class Real>
 void findings(const Real* M, const Real* q, const Real* z, const Real* certificate, Workspace<Real>& work,
               const Found<Real>& found) {
-  prepare<S>(M, work);
+  prepare<S>(M, q, work);
   copy_row<S>(z, work.m, work.stride, work.z.data());
-  const Point<Real> point = at_point<S>(q, work.z.data(), work);
+  const Alone<Real> point = at_point<S>(work.z.data(), work);
   measure(point, found);
-  write_flags(M, point, certificate, found);
+  write_flags(M, work.m, point, certificate, found);
 }
 
 template <int S, class Real>
 void classes(const Real* M, const Real* q, const Real* z, Workspace<Real>& work, const Classes<Real>& to) {
-  prepare<S>(M, work);
+  constexpr int W = Format<Real>::width;
+  prepare<S>(M, q, work);
   copy_row<S>(z, work.m, work.stride, work.z.data());
-  const Point<Real> point = at_point<S>(q, work.z.data(), work);
-  point.template classes<Real>(to.active, to.degenerate);
-  for (int i = 0; i < work.m; ++i) to.w[i] = point.w[i];
+  const Alone<Real> point = at_point<S>(work.z.data(), work);
+  point.classes([&](int group, Masks<Real> active, Masks<Real> degenerate) {
+    for (int lane = 0, i = group * W; lane < W && i < work.m; ++lane, ++i)
+      to.active[i] = active[lane], to.degenerate[i] = degenerate[lane];
+  });
+  std::memcpy(to.w, point.w, sizeof(Real) * work.m);
 }
 
 // A group of problems as the judge sees them: the caller's numbers, and units that make rows comparable.
@@ -237,7 +266,7 @@ struct GroupJudge {
   const Given<m, Real>& given;
   V t[m], up[m], down[m];
   V x[m], w[m], terms[m], eta, rho;
-  K whole;
+  K whole, sound;  // the point is finite, the data are
 
   explicit GroupJudge(const Given<m, Real>& given) : given(given) {
     for (int i = 0; i < m; ++i) {
@@ -275,9 +304,16 @@ struct GroupJudge {
 
   void measure(const V (&z)[m]) {
     at(z).errors(&eta, &rho);
-    V point{};  // zero, or NaN
-    for (int i = 0; i < m; ++i) point += x[i] - x[i] + (w[i] - w[i]);
-    whole = point == 0;
+    V sum{}, point{}, data{};
+    for (const V& part : terms) sum += part;
+    sound = whole = sum - sum == 0;  // no number is lost in a sum of sizes
+    if (!any_lane<Real>(~sound)) return;
+    for (int i = 0; i < m; ++i) {
+      point += x[i] - x[i] + (w[i] - w[i]);  // zero, or NaN
+      data += given.load[i] - given.load[i];
+      for (int j = 0; j < m; ++j) data += given.A[i][j] - given.A[i][j];
+    }
+    whole = point == 0, sound = data == 0;
     eta = whole ? eta : all(not_a_number<Real>);  // comparisons above may have dropped it
     rho = whole ? rho : all(not_a_number<Real>);
   }
@@ -285,12 +321,7 @@ struct GroupJudge {
   // What was measured last; certificates are looked at where a lane needs one.
   void write(const Real* certificate, const Found<Real>& found) const {
     const int count = given.count;
-    V data{};
-    for (int i = 0; i < m; ++i) {
-      for (int j = 0; j < m; ++j) data += given.A[i][j] - given.A[i][j];
-      data += given.load[i] - given.load[i];
-    }
-    const K flags = (data == 0 ? K{} + int(DATA_FINITE) : K{}) | (whole ? K{} + int(POINT_FINITE) : K{});
+    const K flags = (sound ? K{} + int(DATA_FINITE) : K{}) | (whole ? K{} + int(POINT_FINITE) : K{});
     write_lanes<1>(&eta, count, found.eta);
     write_lanes<1>(&rho, count, found.rho);
     write_integers<Real>(flags, count, found.flags);
@@ -300,8 +331,8 @@ struct GroupJudge {
       if (!doubtful[lane]) continue;
       Real unit_z[m], unit_w[m];
       for (int i = 0; i < m; ++i) unit_z[i] = down[i][lane], unit_w[i] = up[i][lane];
-      const Real* nothing = nullptr;
-      if (proves(given.M + lane * m * m, nothing, given.q + lane * m, certificate + lane * m, m, unit_z, unit_w))
+      const Real* identity = nullptr;
+      if (proves(given.M + lane * m * m, identity, given.q + lane * m, certificate + lane * m, m, unit_z, unit_w))
         found.flags[lane] |= PROVED;
     }
   }
@@ -323,7 +354,7 @@ void classes_of_group(const Given<m, Real>& given, const Real* z, const Classes<
   Masks<Real> active[m], degenerate[m];
   GroupJudge<m, Real> judge(given);
   read_lanes<m>(z, given.count, x);
-  judge.at(x).template classes<Real>(active, degenerate);
+  judge.at(x).classes([&](int i, Masks<Real> a, Masks<Real> d) { active[i] = a, degenerate[i] = d; });
   write_lanes<m>(judge.w, given.count, to.w);
   write_masks<m, Real>(active, given.count, to.active);
   write_masks<m, Real>(degenerate, given.count, to.degenerate);

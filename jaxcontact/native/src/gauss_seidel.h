@@ -51,11 +51,11 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   const int m = work.m, stride = S ? S : work.stride;
   const Real* rows = work.M.data();
   Real *x = work.z.data(), *step = work.values.data();
-  prepare<S>(M, work);
+  prepare<S>(M, q, work);
   for (int i = 0; i < stride; ++i) x[i] = i < m && start ? start[i] : 0;
   for (int i = 0; i < m; ++i) step[i] = M[i * m + i] > 0 ? Real(sweeps.relaxation) / M[i * m + i] : 0;
   for (*steps = 0;; ++*steps) {
-    measure(at_point<S>(q, x, work), found);
+    measure(at_point<S>(x, work), found);
     const bool going = is_finite(*found.eta) && !(*found.eta <= Real(sweeps.target));
     *outcome = going ? MAX_STEPS : SOLVED;
     if (!going || *steps == sweeps.most) break;
@@ -68,7 +68,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   }
   for (int i = 0; i < m; ++i) z[i] = x[i];
   hopeless_row(M, q, m, certificate);
-  write_flags(M, at_point<S>(q, x, work), certificate, found);
+  write_flags(M, m, at_point<S>(x, work), certificate, found);
 }
 
 }  // namespace jaxcontact

@@ -1,41 +1,12 @@
 // Problems of few contacts, one per lane: an instruction works on a whole group of them.
 #pragma once
 
-#if defined(__AVX512DQ__)
-#include <immintrin.h>
-#endif
-
 #include "tableau.h"
 
 namespace jaxcontact {
 
 // Up to this many contacts a group of problems fits the nearest cache and its loops are written out.
 constexpr int GROUPED = 8;
-
-template <class Real>
-inline bool any_lane(Masks<Real> mask) {  // true is -1
-#if defined(__AVX512DQ__)
-  if constexpr (sizeof(Real) == 8)
-    return _mm512_movepi64_mask((__m512i)mask) != 0;
-  else
-    return _mm512_movepi32_mask((__m512i)mask) != 0;
-#else
-  return smallest_lane(mask) != 0;
-#endif
-}
-
-// e with 2^(e-1) <= x < 2^e, for positive finite x.
-template <class Real>
-inline Masks<Real> exponents(Lanes<Real> x) {
-  using F = Format<Real>;
-  return (((Masks<Real>)x >> F::fraction) & (2 * F::bias + 1)) - (F::bias - 1);
-}
-
-// 2^k for k inside the normal numbers.
-template <class Real>
-inline Lanes<Real> powers_of_two(Masks<Real> k) {
-  return (Lanes<Real>)((k + Format<Real>::bias) << Format<Real>::fraction);
-}
 
 // Balanced entries and load; unit and whole take z back to the caller: z_i unit_i whole.
 template <int m, class Real>
@@ -93,14 +64,6 @@ inline void write_masks(const Masks<Real>* from, int count, bool* to) {
   }
 }
 
-// Whole numbers, one to a problem.
-template <class Real>
-inline void write_integers(Masks<Real> from, int count, int* to) {
-  typedef int Integers __attribute__((vector_size(sizeof(int) * Format<Real>::width)));
-  const Integers found = __builtin_convertvector(from, Integers);
-  std::memcpy(to, &found, count == Format<Real>::width ? sizeof found : sizeof(int) * count);
-}
-
 // The numbers of a group as they came, and the exponents of `row_exponents` where the diagonal is positive and finite;
 // where it is not, `plain` is false.
 template <int m, class Real>
@@ -142,7 +105,7 @@ template <int m, class Real>
 inline void load(const Given<m, Real>& given, Group<m, Real>& group) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  constexpr int room = Format<Real>::bias / 4;
+  constexpr int room = ROOM<Real>;
   K plain = given.plain;
   V largest{}, heaviest{};
   for (int i = 0; i < m; ++i) {
@@ -205,9 +168,13 @@ inline Masks<Real> settled_lanes(const Group<m, Real>& group, const Lanes<Real> 
   return all_rows;
 }
 
-// `refine` of tableau.h for a group. correct(miss, z): subtract from z what the bases say of the miss.
+// A row misses by no more than CLOSE eps of the largest terms: a quarter of what the judge allows.
+constexpr int CLOSE = 64;
+
+// `refine` of tableau.h for a group; the lanes where it is not close are returned. correct(miss, z): subtract from z
+// what the bases say of the miss.
 template <int m, class Real, class Correct>
-inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int corrections, Correct correct) {
+inline Masks<Real> refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int corrections, Correct correct) {
   using V = Lanes<Real>;
   V best[m], miss[m], held[m];
   for (int i = 0; i < m; ++i) best[i] = cut(z[i]);
@@ -223,6 +190,15 @@ inline void refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int c
     least = better ? found : least;
   }
   for (int i = 0; i < m; ++i) z[i] = best[i];
+  const Masks<Real> doubtful = open & ~(least <= CLOSE * eps<Real>);
+  if (!any_lane<Real>(doubtful)) return doubtful;
+  V size{};
+  for (int i = 0; i < m; ++i) {
+    V terms = size_of(group.q[i]);
+    for (int j = 0; j < m; ++j) terms += size_of(group.M[i][j] * z[j]);
+    size = larger(size, terms);
+  }
+  return doubtful & ~(least <= CLOSE * eps<Real> * size);
 }
 
 // `hopeless_row` of every problem.

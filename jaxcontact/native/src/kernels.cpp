@@ -23,6 +23,10 @@ constexpr int64_t PIECE = 1 << 13;
 // An iteration passes over its data more often than a pivoting method.
 constexpr int64_t SWEEPS_PER_PIECE = 8;
 
+// Matrices of up to AHEAD_LIMIT contacts are asked for AHEAD groups before they are needed; larger ones would take the
+// place of what is still in use.
+constexpr int AHEAD = 2, AHEAD_LIMIT = 5;
+
 // run(first, last) over pieces of [0, total) on all threads of the pool and this one. It waits only for pieces that
 // have begun, so that a full pool cannot stop it.
 template <class Run>
@@ -72,7 +76,7 @@ inline void with_few_contacts(int m, Body body) {
 }
 
 using Real = JAXCONTACT_REAL;  // double or float: the file is compiled once for each
-constexpr int64_t W = Format<Real>::width;
+constexpr int64_t W = Format<Real>::width, LINE = 64 / sizeof(Real);
 
 constexpr ffi::DataType number = sizeof(Real) == 8 ? ffi::F64 : ffi::F32;
 using Numbers = ffi::Buffer<number>;
@@ -135,6 +139,8 @@ ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results
       pool, problems(q_), m, 1, grouped, extra,
       [=](auto size, int64_t b, int count, Workspace<Real>& work) {
         Real* certificate = to.certificate_at(b, work);
+        if constexpr (size() <= AHEAD_LIMIT)
+          for (int64_t k = 0; k < W * m * m; k += LINE) __builtin_prefetch(M + (b + AHEAD * W) * m * m + k);
         const Given<size(), Real> given(M + b * m * m, q + b * m, count);
         of_group(given, b, work, certificate);
         findings_of_group(given, to.z + b * m, certificate, to.found_at(b));
@@ -164,8 +170,8 @@ ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans want
   const bool* wanted = wanted_.element_count() ? wanted_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED && !wanted, 0,
-      [=](const auto& given, int64_t b, Workspace<Real>&, Real* certificate) {
-        principal_lanes(given, budget, to.z + b * m, certificate, to.outcome + b, to.steps + b);
+      [=](const auto& given, int64_t b, Workspace<Real>& work, Real* certificate) {
+        principal_lanes(given, budget, work, to.z + b * m, certificate, to.outcome + b, to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
         principal<stride()>(M + b * m * m, q + b * m, wanted ? wanted + b * m : nullptr, budget, work, to.z + b * m,

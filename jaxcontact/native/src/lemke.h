@@ -71,7 +71,7 @@ void lemke(const Real* M, const Real* q, const Real* covering, int budget, Works
   *outcome = trivial ? SOLVED : MAX_STEPS;
 
   const auto take = [&](int leaving) {
-    exchange<S>(T, values, work.column.data(), work.right.data(), m, stride, leaving, entering);
+    exchange<S>(T, values, work.right.data(), m, stride, leaving, entering);
     const int left = work.basic[leaving];
     work.basic[leaving] = work.nonbasic[entering];
     work.nonbasic[entering] = left;
@@ -242,8 +242,8 @@ void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, 
   if (budget >= longest && !any_lane<Real>(alone)) return;
   for (int lane = 0; lane < count; ++lane) {
     if (alone[lane] || budget < longest)
-      lemke<0>(given.M + lane * m * m, given.q + lane * m, covering ? covering + lane * m : nullptr, budget, work, z + lane * m,
-               certificate + lane * m, outcome + lane, steps + lane);
+      lemke<0>(given.M + lane * m * m, given.q + lane * m, covering ? covering + lane * m : nullptr, budget, work,
+               z + lane * m, certificate + lane * m, outcome + lane, steps + lane);
   }
 }
 

@@ -1,5 +1,7 @@
-// Principal pivoting, step for step as in complementarity/principal.py.
+// Principal pivoting: one problem step for step as in complementarity/principal.py, a group in turns first.
 #pragma once
+
+#include <utility>
 
 #include "group.h"
 
@@ -21,42 +23,40 @@ inline int choose_row(const Workspace<Real>& work, bool quick, bool* stuck) {
   constexpr int W = Format<Real>::width;
   const int stride = S ? S : work.stride;
   const Real* values = work.values.data();
-  const auto mask_at = [](const auto& x, int j) {
-    K mask;
-    std::memcpy(&mask, x.data() + j, sizeof mask);
-    return mask;
-  };
-  V size_z{}, size_w = all(Real(1));
+  V size_z{}, size_w = all(Real(1)), lowest{};
   for (int j = 0; j < stride; j += W) {
-    const V size = size_of(lanes_at(values + j));
+    const V value = lanes_at(values + j), size = size_of(value);
     size_w = larger(size_w, size);
-    size_z = larger(size_z, mask_at(work.active, j) ? size : V{});
-  }
-  const V floor_z = all(-PrincipalRules::negative<Real> * largest_lane(size_z));
-  const V floor_w = all(-PrincipalRules::negative<Real> * largest_lane(size_w));
-  K index, first = K{} + work.m, blocked = first;
-  for (int k = 0; k < W; ++k) index[k] = k;
-  V lowest{};
-  for (int j = 0; j < stride; j += W, index += W) {
-    const V value = lanes_at(values + j);
-    const K negative = value < (mask_at(work.active, j) ? floor_z : floor_w), barred = mask_at(work.barred, j);
-    const V depth = negative & ~barred ? (quick ? value : V{} - 1) : V{};
-    first = depth < lowest ? index : first;
-    lowest = smaller(lowest, depth);
-    blocked = negative & barred & (blocked > index) ? index : blocked;
+    size_z = larger(size_z, masks_at(&work.active[j]) ? size : V{});
+    lowest = smaller(masks_at(&work.barred[j]) ? V{} : value, lowest);
   }
   const Real least = smallest_lane(lowest);
+  const Real floor_z = -PrincipalRules::negative<Real> * largest_lane(size_z);
+  const Real floor_w = -PrincipalRules::negative<Real> * largest_lane(size_w);
   *stuck = false;
-  if (least < 0) return int(smallest_lane(lowest == all(least) ? first : K{} + work.m));
-  const int row = int(smallest_lane(blocked));
-  *stuck = row < work.m;
-  return *stuck ? row : -1;
+  if (quick && least < smaller(floor_z, floor_w))
+    for (int j = 0; j < stride; j += W) {
+      const K here = (lanes_at(values + j) == least) & ~masks_at(&work.barred[j]);
+      if (any_lane<Real>(here)) return j + first_lane<Real>(here);
+    }
+  int first = -1, blocked = -1;
+  for (int i = work.m - 1; i >= 0; --i) {
+    if (!(values[i] < (work.active[i] ? floor_z : floor_w))) continue;
+    if (work.barred[i])
+      blocked = i;
+    else if (first < 0 || !quick || values[i] <= values[first])
+      first = i;
+  }
+  *stuck = first < 0 && blocked >= 0;
+  return *stuck ? blocked : first;
 }
 
 // One problem. wanted: rows of a warm start, or null; certificate (m) is written for a stuck row, zeros otherwise.
 template <int S, class Real>
 void principal(const Real* M, const Real* q, const bool* wanted, int budget, Workspace<Real>& work, Real* z,
                Real* certificate, int* outcome, int* steps) {
+  using V = Lanes<Real>;
+  constexpr int W = Format<Real>::width;
   const int m = work.m, stride = S ? S : work.stride;
   Real* T = work.T.data();
   const Units units = scaled<S>(M, q, m, stride, work.rows.data(), work.unit.data(), work.M.data(), work.q.data());
@@ -77,9 +77,8 @@ void principal(const Real* M, const Real* q, const bool* wanted, int budget, Wor
     if (warm < m) pending[warm] = 0;
     const Real* across = T + row * stride;
     if (across[row] > PrincipalRules::pivot<Real> * largest_of(across, stride)) {
-      exchange<S>(T, work.values.data(), work.column.data(), work.right.data(), m, stride, row, row);
-      work.active[row] ^= -1;
-      for (int i = 0; i < stride; ++i) work.barred[i] = 0;
+      exchange<S>(T, work.values.data(), work.right.data(), m, stride, row, row);
+      for (int i = 0; i < stride; ++i) work.active[i] ^= -(i == row), work.barred[i] = 0;
     } else {
       work.barred[row] = -1;
     }
@@ -87,11 +86,11 @@ void principal(const Real* M, const Real* q, const bool* wanted, int budget, Wor
   *steps = count;
   for (int i = 0; i < stride; ++i) work.z[i] = work.active[i] ? work.values[i] : 0;
   refine<S>(work, [&](const Real* miss, Real* x) {
-    for (int i = 0; i < m; ++i) {
-      if (!work.active[i]) continue;
-      Real sum = 0;
-      for (int j = 0; j < m; ++j) sum += work.active[j] ? T[i * stride + j] * miss[j] : 0;
-      x[i] -= sum;
+    Real* held = work.right.data();
+    for (int i = 0; i < stride; ++i) held[i] = work.active[i] ? miss[i] : 0;
+    for (int i = 0; i < stride; i += W) {
+      const V sums = sums_of_rows<S>(T, held, stride, i, product_of<V>);
+      put(lanes_at(x + i) - (masks_at(&work.active[i]) ? sums : V{}), x + i);
     }
   });
   unscale(work.z.data(), work.unit.data(), units, m, z);
@@ -103,99 +102,106 @@ void principal(const Real* M, const Real* q, const bool* wanted, int budget, Wor
   }
 }
 
-// A group of problems without warm start.
+// A group of problems whose rows take turns, so that all lanes pivot the same row and none has to be looked for. It is
+// quick, not careful: what it finds is checked, and a lane that it does not solve is left.
 template <int m, class Real>
-void principal_lanes(const Given<m, Real>& given, int budget, Real* z, Real* certificate, int* outcome, int* steps) {
+struct Turns {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  const int count = given.count;
-  Group<m, Real> group;
-  load(given, group);
-  V T[m][m], values[m];
-  K active[m] = {}, barred[m] = {}, taken{}, ended = K{} + int(MAX_STEPS), stuck{};
-  for (int i = 0; i < m; ++i) {
-    values[i] = group.q[i];
-    for (int j = 0; j < m; ++j) T[i][j] = group.M[i][j];
+  V T[m][m], values[m], floor_z, floor_w;  // below these a value of z, of w, is negative
+  K active[m] = {}, taken{};
+
+  explicit Turns(const Group<m, Real>& group) {
+    for (int i = 0; i < m; ++i) {
+      values[i] = group.q[i];
+      for (int j = 0; j < m; ++j) T[i][j] = group.M[i][j];
+    }
+    for (int round = 0; round < PrincipalRules::quick; ++round) {
+      floors();
+      if (!turns(std::make_integer_sequence<int, m>{})) return;
+    }
   }
-  for (int count_of_steps = 0;; ++count_of_steps) {
+
+  void floors() {
     V size_z{}, size_w = all(Real(1));
     for (int i = 0; i < m; ++i) {
       const V size = size_of(values[i]);
       size_w = larger(size_w, size);
       size_z = active[i] ? larger(size_z, size) : size_z;
     }
-    const V floor_z = -PrincipalRules::negative<Real> * size_z, floor_w = -PrincipalRules::negative<Real> * size_w;
-    const bool quick = count_of_steps < PrincipalRules::quick * m;
-    V lowest{};
-    K row = K{} - 1, blocked = K{} - 1;
-    for (int i = m - 1; i >= 0; --i) {
-      const K negative = values[i] < (active[i] ? floor_z : floor_w), free = negative & ~barred[i];
-      const K first = free & (quick ? values[i] <= lowest : free);
-      lowest = first ? values[i] : lowest;
-      row = first ? K{} + i : row;
-      blocked = negative & barred[i] ? K{} + i : blocked;
-    }
-    const K going = ended == int(MAX_STEPS), none = row < 0;
-    stuck = going & none ? blocked : stuck;
-    ended = going & none ? (blocked < 0 ? K{} + int(SOLVED) : K{} + int(INACCURATE)) : ended;
-    const K now = ended == int(MAX_STEPS);
-    if (!any_lane<Real>(now) || count_of_steps >= budget) break;
-    row = now ? row : K{} - 1;
-    taken -= now;
-
-    V across[m] = {}, column[m] = {}, value{}, pivot{}, most{};
-    for (int i = 0; i < m; ++i) {
-      const K here = row == i;
-      for (int j = 0; j < m; ++j) across[j] = here ? T[i][j] : across[j];
-      for (int j = 0; j < m; ++j) column[j] = here ? T[j][i] : column[j];
-      pivot = here ? T[i][i] : pivot;
-      value = here ? values[i] : value;
-    }
-    for (int j = 0; j < m; ++j) most = larger(most, size_of(across[j]));
-    const K go = now & (pivot > PrincipalRules::pivot<Real> * most);
-    const V inverse = go ? 1 / (go ? pivot : V{} + 1) : V{}, step = value * inverse;
-    for (int j = 0; j < m; ++j) across[j] *= inverse;
-    for (int i = 0; i < m; ++i) {
-      const K here = go & (row == i);
-      for (int j = 0; j < m; ++j) {
-        const V updated = T[i][j] - column[i] * across[j];
-        T[i][j] = here ? -across[j] : updated;
-      }
-      values[i] = here ? -step : values[i] - column[i] * step;
-      active[i] ^= here;
-      barred[i] = (barred[i] & ~go) | (now & ~go & (row == i));
-    }
-    for (int j = 0; j < m; ++j) {
-      const K here = go & (row == j);
-      for (int i = 0; i < m; ++i) T[i][j] = here ? column[i] * inverse : T[i][j];
-      T[j][j] = here ? inverse : T[j][j];
-    }
+    floor_z = -PrincipalRules::negative<Real> * size_z, floor_w = -PrincipalRules::negative<Real> * size_w;
   }
+
+  K negative(int i) const { return values[i] < (active[i] ? floor_z : floor_w); }
+
+  K solved() {
+    K any{};
+    floors();
+    for (int i = 0; i < m; ++i) any |= negative(i);
+    return ~any;
+  }
+
+  // One turn for each row; whether one was taken.
+  template <int... r>
+  bool turns(std::integer_sequence<int, r...>) {
+    return (turn<r>() | ...);
+  }
+
+  template <int r>
+  bool turn() {
+    const V pivot = T[r][r];
+    const K go = negative(r) & (pivot > PrincipalRules::pivot<Real>);
+    if (!any_lane<Real>(go)) return false;
+    const V inverse = 1 / pivot;  // not used where the lane does not go
+    V across[m];
+    for (int j = 0; j < m; ++j) across[j] = T[r][j] * -inverse;
+    const V step = values[r] * -inverse;
+    for (int i = 0; i < m; ++i) {
+      if (i == r) continue;
+      const V left = T[i][r];
+      for (int j = 0; j < m; ++j)
+        if (j != r) T[i][j] = go ? T[i][j] + left * across[j] : T[i][j];
+      T[i][r] = go ? left * inverse : left;
+      values[i] = go ? values[i] + left * step : values[i];
+    }
+    for (int j = 0; j < m; ++j) T[r][j] = go ? across[j] : T[r][j];
+    T[r][r] = go ? inverse : pivot;
+    values[r] = go ? step : values[r];
+    active[r] ^= go;
+    taken -= go;
+    return true;
+  }
+};
+
+// A group of problems without warm start. A lane that turns do not solve, or not well, is left to `principal`.
+template <int m, class Real>
+void principal_lanes(const Given<m, Real>& given, int budget, Workspace<Real>& work, Real* z, Real* certificate,
+                     int* outcome, int* steps) {
+  using V = Lanes<Real>;
+  using K = Masks<Real>;
+  const int count = given.count;
+  Group<m, Real> group;
+  load(given, group);
+  Turns<m, Real> turns(group);
   V found[m];
-  for (int i = 0; i < m; ++i) found[i] = active[i] ? values[i] : V{};
-  refine_lanes<m, Real>(group, found, REFINEMENTS, [&](const V(&miss)[m], V(&x)[m]) {
+  for (int i = 0; i < m; ++i) found[i] = turns.active[i] ? turns.values[i] : V{};
+  K left = ~turns.solved() | (turns.taken > budget);
+  left |= refine_lanes<m, Real>(group, found, REFINEMENTS, [&turns](const V(&miss)[m], V(&x)[m]) {
     for (int i = 0; i < m; ++i) {
       V sum{};
-      for (int j = 0; j < m; ++j) sum += active[j] ? T[i][j] * miss[j] : V{};
-      x[i] -= active[i] ? sum : V{};
+      for (int j = 0; j < m; ++j) sum += turns.active[j] ? turns.T[i][j] * miss[j] : V{};
+      x[i] -= turns.active[i] ? sum : V{};
     }
   });
   scatter(group, found, count, z);
-  write_integers<Real>(ended, count, outcome);
-  write_integers<Real>(taken, count, steps);
+  write_integers<Real>(K{} + int(SOLVED), count, outcome);
+  write_integers<Real>(turns.taken, count, steps);
   std::memset(certificate, 0, sizeof(Real) * m * count);
-  if (!any_lane<Real>(ended == int(INACCURATE))) return;
-  for (int lane = 0; lane < count; ++lane) {
-    if (outcome[lane] != INACCURATE) continue;
-    int rows[m];  // as in `principal`
-    row_exponents(given.M + lane * m * m, m, rows);
-    for (int i = 0; i < m; ++i) {
-      Real across = 0;
-      for (int k = 0; k < m; ++k) across = k == stuck[lane] ? T[k][i][lane] : across;
-      const Real y = (i == stuck[lane] && !active[i][lane]) - (active[i][lane] ? across : 0);
-      certificate[lane * m + i] = -times_power_of_two(larger(y, Real(0)), rows[i]);
-    }
-  }
+  if (!any_lane<Real>(left)) return;
+  for (int lane = 0; lane < count; ++lane)
+    if (left[lane])
+      principal<padded<Real>(m)>(given.M + lane * m * m, given.q + lane * m, nullptr, budget, work, z + lane * m,
+                                 certificate + lane * m, outcome + lane, steps + lane);
 }
 
 }  // namespace jaxcontact

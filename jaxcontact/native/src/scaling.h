@@ -59,78 +59,93 @@ inline void row_exponents(const Real* M, int m, int* rows) {
   for (int i = 0; i < m; ++i) rows[i] = -((exponent(M[i * m + i]) - odd) >> 1);
 }
 
+// Those exponents stay this far from the ends of the format where a product of few such units needs no care.
+template <class Real>
+constexpr int ROOM = Format<Real>::bias / 4;
+
+// Row exponents, and 2^rows in whole groups with zeros behind; false, with exponents only, where they need care.
+template <class Real>
+inline bool plain_units(const Real* M, int m, int stride, int* rows, Real* unit) {
+  constexpr int W = Format<Real>::width;
+  for (int i = 0; i < stride; ++i) unit[i] = i < m ? M[i * m + i] : 1;
+  const int odd = exponent(M[0]) & 1;
+  Masks<Real> plain = ~Masks<Real>{};
+  for (int i = 0; i < stride; i += W) {
+    const Lanes<Real> own = lanes_at(unit + i);
+    const Masks<Real> k = -((exponents<Real>(own) - odd) >> 1);
+    plain &= (own > 0) & (own < infinity<Real>)&(k < ROOM<Real>)&(k > -ROOM<Real>);
+    put(lane_numbers<Real>() + i < m ? powers_of_two<Real>(k) : Lanes<Real>{}, unit + i);
+    write_integers<Real>(k, m - i < W ? m - i : W, rows + i);
+  }
+  if (!any_lane<Real>(~plain)) return true;
+  row_exponents(M, m, rows);
+  return false;
+}
+
 // Row i of a matrix copied to whole groups of lanes, the rest filled with zeros.
 template <int S, class Real>
 inline void copy_row(const Real* from, int m, int stride_, Real* to) {
   const int stride = S ? S : stride_;
-  if (m == stride) {
-    for (int j = 0; j < stride; ++j) to[j] = from[j];
-  } else {
-    for (int j = 0; j < m; ++j) to[j] = from[j];
-    for (int j = m; j < stride; ++j) to[j] = 0;
-  }
+  for (int j = 0; j < stride; j += Format<Real>::width) put(some_lanes_at(from + j, m - j), to + j);
 }
 
-// The exponents of largest entries found without forming numbers that might overflow, and the factors in two steps.
+// T and q_scaled where numbers might overflow: the exponents of the largest entries first, then factors in two steps.
 template <class Real>
-void scaled_with_care(const Real* M, int m, int stride, Units& units, Real* T) {
-  bool any = false;
-  units.size_M = 0;
-  for (int i = 0; i < m; ++i)
-    for (int j = 0; j < m; ++j) {
-      const Real x = M[i * m + j];
-      if (x == 0 || !is_finite(x)) continue;
-      const int e = exponent(x) + units.rows[i] + units.rows[j];
-      units.size_M = any && units.size_M > e ? units.size_M : e;
+void scaled_with_care(const Real* M, const Real* q, int m, int stride, Units& units, Real* T, Real* q_scaled) {
+  const int* rows = units.rows;
+  const auto exponent_of_largest = [](int n, auto number, auto shift) {
+    bool any = false;
+    int most = 0;
+    for (int k = 0; k < n; ++k) {
+      if (number(k) == 0 || !is_finite(number(k))) continue;
+      const int e = exponent(number(k)) + shift(k);
+      most = any && most > e ? most : e;
       any = true;
     }
-  for (int i = 0; i < m; ++i)
-    for (int j = 0; j < m; ++j)
-      T[i * stride + j] = times_power_of_two(M[i * m + j], units.rows[i] + units.rows[j] - units.size_M);
+    return most;
+  };
+  const auto both = [rows, m](int k) { return rows[k / m] + rows[k % m]; };
+  units.size_M = exponent_of_largest(m * m, [M](int k) { return M[k]; }, both);
+  units.size_q = exponent_of_largest(m, [q](int i) { return q[i]; }, [rows](int i) { return rows[i]; });
+  for (int k = 0; k < m * m; ++k) T[k / m * stride + k % m] = times_power_of_two(M[k], both(k) - units.size_M);
+  for (int i = 0; i < m; ++i) q_scaled[i] = times_power_of_two(q[i], rows[i] - units.size_q);
 }
 
 // Fill T (m rows of whole groups of lanes, padded with zeros) and q_scaled (one row) from the caller's data, and unit
 // (one row) with 2^rows.
 template <int S, class Real>
 inline Units scaled(const Real* M, const Real* q, int m, int stride_, int* rows, Real* unit, Real* T, Real* q_scaled) {
-  const int stride = S ? S : stride_;
+  using V = Lanes<Real>;
   constexpr int W = Format<Real>::width;
-  Units units{rows, 0, 0, true};
-  row_exponents(M, m, rows);
-  units.moderate = true;
-  for (int i = 0; i < m; ++i) {
-    units.moderate &= rows[i] < Format<Real>::bias / 4 && -rows[i] < Format<Real>::bias / 4;
-    unit[i] = power_of_two<Real>(rows[i]);
-  }
-  for (int i = m; i < stride; ++i) unit[i] = 0;
-  Lanes<Real> most{};
+  const int stride = S ? S : stride_;
+  Units units{rows, 0, 0, plain_units(M, m, stride, rows, unit)};
+  if (!units.moderate)
+    for (int i = 0; i < m; ++i) unit[i] = power_of_two<Real>(rows[i]);
+  V most{}, heaviest{};
   for (int i = 0; i < m; ++i) {
     Real* row = T + i * stride;
-    copy_row<S>(M + i * m, m, stride, row);
-    const Lanes<Real> own = all(unit[i]);
+    const V own = all(unit[i]);
     for (int j = 0; j < stride; j += W) {
-      const Lanes<Real> x = lanes_at(row + j) * own * lanes_at(unit + j);
+      const V x = some_lanes_at(M + i * m + j, m - j) * own * lanes_at(unit + j);
       put(x, row + j);
       most = larger(most, size_of(x));
     }
   }
-  const Real largest = largest_lane(most);
-  if (!units.moderate || !(largest > 0) || !is_finite(largest)) {
-    scaled_with_care(M, m, stride, units, T);
-  } else {
-    units.size_M = exponent(largest);
-    const Lanes<Real> whole = all(power_of_two<Real>(-units.size_M));
-    for (int j = 0; j < m * stride; j += W) put(lanes_at(T + j) * whole, T + j);
+  for (int j = 0; j < stride; j += W) {
+    const V x = some_lanes_at(q + j, m - j) * lanes_at(unit + j);
+    put(x, q_scaled + j);
+    heaviest = larger(heaviest, size_of(x));
   }
-  bool any = false;
-  for (int i = 0; i < m; ++i) {
-    if (q[i] == 0 || !is_finite(q[i])) continue;
-    const int e = exponent(q[i]) + rows[i];
-    units.size_q = any && units.size_q > e ? units.size_q : e;
-    any = true;
+  const Real largest = largest_lane(most), load = largest_lane(heaviest);
+  const auto plain = [](Real x) { return exponent(x) < ROOM<Real> && exponent(x) > -ROOM<Real>; };
+  if (!units.moderate || !(largest > 0 && is_finite(largest)) || !(is_finite(load) && plain(load))) {
+    scaled_with_care(M, q, m, stride, units, T, q_scaled);
+    return units;
   }
-  for (int i = 0; i < m; ++i) q_scaled[i] = times_power_of_two(q[i], rows[i] - units.size_q);
-  for (int i = m; i < stride; ++i) q_scaled[i] = 0;
+  units.size_M = exponent(largest), units.size_q = exponent(load);
+  const V per_M = all(power_of_two<Real>(-units.size_M)), per_q = all(power_of_two<Real>(-units.size_q));
+  for (int j = 0; j < m * stride; j += W) put(lanes_at(T + j) * per_M, T + j);
+  for (int j = 0; j < stride; j += W) put(lanes_at(q_scaled + j) * per_q, q_scaled + j);
   return units;
 }
 

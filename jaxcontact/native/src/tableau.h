@@ -38,7 +38,7 @@ struct Workspace {
 
   // extra: columns of T beyond those of M.
   explicit Workspace(int m, int extra = 0) : m(m), stride(padded<Real>(m + extra)) {
-    for (auto* x : {&M, &T}) x->assign(size_t(m) * stride, 0);
+    for (auto* x : {&M, &T}) x->assign(size_t(padded<Real>(m)) * stride, 0);
     for (auto* x : {&q, &values, &column, &right, &z, &best, &miss, &ratio, &unit}) x->assign(stride, 0);
     certificate.assign(size_t(m) * Format<Real>::width, 0);  // of a whole group
     rows.assign(m, 0);
@@ -49,53 +49,76 @@ struct Workspace {
   }
 };
 
-// Row r against column s with pivot T_rs: one rank-one update; `column` is filled with the old column s. S: the row
-// length where the compiler may know it, else 0. Single entries are written only after their row: a whole row read
-// right behind such a write would wait for it.
+// Row r against column s with pivot T_rs: one rank-one update, with whole groups of lanes only. A group read right
+// behind the write of one of its numbers would wait for it. S: the row length where the compiler may know it, else 0.
 template <int S, class Real>
-inline void exchange(Real* __restrict T, Real* __restrict values, Real* __restrict column, Real* __restrict right,
-                     int m, int stride_, int r, int s) {
+inline void exchange(Real* __restrict T, Real* __restrict values, Real* __restrict right, int m, int stride_, int r,
+                     int s) {
+  using V = Lanes<Real>;
+  using K = Masks<Real>;
+  constexpr int W = Format<Real>::width;
   const int stride = S ? S : stride_;
-  Real* across = T + r * stride;
-  const Real inverse = 1 / across[s];
-  for (int j = 0; j < stride; ++j) right[j] = across[j] * inverse;
-  for (int i = 0; i < m; ++i) column[i] = T[i * stride + s];
-  const Real step = values[r] * inverse;
+  const Real *across = T + r * stride, inverse = 1 / across[s];
+  const V step = all(values[r] * inverse);
+  for (int i = 0; i < m; i += W) {
+    const K here = lane_numbers<Real>() + i == r;
+    const V left = here ? V{} + 1 : strided<Real>(T + i * stride + s, stride);
+    put((here ? V{} : lanes_at(values + i)) - left * step, values + i);
+  }
+  for (int j = 0; j < stride; j += W)
+    put(lane_numbers<Real>() + j == s ? all(-inverse) : lanes_at(across + j) * all(inverse), right + j);
   for (int i = 0; i < m; ++i) {
     Real* row = T + i * stride;
-    const Real l = column[i];
-    for (int j = 0; j < stride; ++j) row[j] -= l * right[j];
-    row[s] = l * inverse;
-    values[i] -= l * step;
+    const V left = all(row[s]);
+    for (int j = 0; j < stride; j += W)
+      put((lane_numbers<Real>() + j == s ? V{} : lanes_at(row + j)) - left * lanes_at(right + j), row + j);
   }
-  for (int j = 0; j < stride; ++j) across[j] = -right[j];
-  across[s] = inverse;
-  values[r] = -step;
+  for (int j = 0; j < stride; j += W) put(-lanes_at(right + j), T + r * stride + j);
+}
+
+// For the rows from i on, one to a lane: f of each group of a row, and of z there, summed.
+template <int S, class Real, class Term>
+inline Lanes<Real> sums_of_rows(const Real* M, const Real* z, int stride_, int i, Term term) {
+  constexpr int W = Format<Real>::width;
+  const int stride = S ? S : stride_;
+  Lanes<Real> sums[W];
+  for (int k = 0; k < W; ++k) {
+    sums[k] = Lanes<Real>{};
+    for (int j = 0; j < stride; j += W) sums[k] += term(lanes_at(M + (i + k) * stride + j), lanes_at(z + j));
+  }
+  return sums_of_lanes<W>(sums);
+}
+
+template <class V>
+inline V product_of(V a, V b) {
+  return a * b;
+}
+
+template <class V>
+inline V size_of_product(V a, V b) {
+  return size_of(a * b);
 }
 
 // miss = M z + q, rows of padded length; the return value is max |min(z, miss)|, NaN if one entry is.
 template <int S, class Real>
 inline Real violation(const Real* __restrict M, const Real* __restrict q, const Real* __restrict z,
                       Real* __restrict miss, int m, int stride_) {
-  const int stride = S ? S : stride_;
-  Real most = 0;
-  for (int i = 0; i < m; ++i) {
-    Lanes<Real> sum{};
-    for (int j = 0; j < stride; j += Format<Real>::width) sum += lanes_at(M + i * stride + j) * lanes_at(z + j);
-    const Real total = q[i] + sum_of_lanes(sum);
-    miss[i] = total;
-    const Real size = size_of(z[i] < total ? z[i] : total);
-    most = size <= most ? most : size;  // NaN stays: no comparison with it holds
-    if (!(total == total)) return not_a_number<Real>;
+  using V = Lanes<Real>;
+  V most{}, lost{};
+  for (int i = 0; i < m; i += Format<Real>::width) {
+    const V total = lanes_at(q + i) + sums_of_rows<S>(M, z, stride_, i, product_of<V>);
+    put(total, miss + i);
+    most = larger(most, size_of(smaller(lanes_at(z + i), total)));
+    lost += total - total;  // zero, or NaN
   }
-  return most;
+  return largest_lane(most) + sum_of_lanes(lost);
 }
 
 // z of the caller.
 template <class Real>
 inline void unscale(const Real* x, const Real* unit, const Units& units, int m, Real* z) {
   const int whole = units.size_q - units.size_M;
-  if (units.moderate && whole < Format<Real>::bias / 4 && -whole < Format<Real>::bias / 4) {
+  if (units.moderate && whole < ROOM<Real> && -whole < ROOM<Real>) {
     const Real factor = power_of_two<Real>(whole);
     for (int i = 0; i < m; ++i) z[i] = x[i] * unit[i] * factor;
   } else {
@@ -114,16 +137,14 @@ constexpr int EXACT = 8;
 template <int S, class Real>
 inline bool settled(const Real* __restrict M, const Real* __restrict q, const Real* __restrict z,
                     const Real* __restrict miss, int m, int stride_) {
-  const int stride = S ? S : stride_;
-  bool all = true;
-  for (int i = 0; i < m; ++i) {
-    Lanes<Real> sum{};
-    for (int j = 0; j < stride; j += Format<Real>::width)
-      sum += size_of(lanes_at(M + i * stride + j) * lanes_at(z + j));
-    const Real allowed = EXACT * eps<Real> * (size_of(q[i]) + sum_of_lanes(sum));
-    all &= z[i] > 0 ? size_of(miss[i]) <= allowed : miss[i] >= -allowed;
+  using V = Lanes<Real>;
+  Masks<Real> open{};
+  for (int i = 0; i < m; i += Format<Real>::width) {
+    const V terms = size_of(lanes_at(q + i)) + sums_of_rows<S>(M, z, stride_, i, size_of_product<V>);
+    const V allowed = EXACT * eps<Real> * terms, x = lanes_at(z + i), left = lanes_at(miss + i);
+    open |= ~((left >= -allowed) & ((x <= 0) | (left <= allowed)));
   }
-  return all;
+  return !any_lane<Real>(open);
 }
 
 // z (padded) replaced by the best of itself and its corrections, negative entries cut to zero before each is measured.
