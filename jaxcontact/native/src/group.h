@@ -81,7 +81,7 @@ struct Given {
       rows[i] = exponents<Real>(A[i][i]);
     }
     const Masks<Real> odd = rows[0] & 1;
-    for (int i = 0; i < m; ++i) rows[i] = -((rows[i] - odd) >> 1);
+    for (int i = 0; i < m; ++i) rows[i] = -halves<Real>(rows[i] - odd);
   }
 };
 

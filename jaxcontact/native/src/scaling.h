@@ -72,7 +72,7 @@ inline bool plain_units(const Real* M, int m, int stride, int* rows, Real* unit)
   Masks<Real> plain = ~Masks<Real>{};
   for (int i = 0; i < stride; i += W) {
     const Lanes<Real> own = lanes_at(unit + i);
-    const Masks<Real> k = -((exponents<Real>(own) - odd) >> 1);
+    const Masks<Real> k = -halves<Real>(exponents<Real>(own) - odd);
     plain &= (own > 0) & (own < infinity<Real>)&(k < ROOM<Real>)&(k > -ROOM<Real>);
     put(lane_numbers<Real>() + i < m ? powers_of_two<Real>(k) : Lanes<Real>{}, unit + i);
     write_integers<Real>(k, m - i < W ? m - i : W, rows + i);
