@@ -19,6 +19,7 @@ import jaxcontact as jc
 from benchmarks._bounds_peers import available, by_numpy, couplings
 from benchmarks._chain import GuidedChain
 from benchmarks._machine import machine
+from benchmarks._timing import in_turns
 from jaxcontact.linalg import compiler_options, fused
 
 LEAST_ANGLE, GREATEST_ANGLE = 0.05, 1.5
@@ -32,8 +33,8 @@ ROUNDINGS = 64
 NEAR_A_KINK = 0.01
 """The share of lanes that may lie next to a kink of the bound, where slopes differ."""
 
-ROUNDS, PATIENCE = 7, 12.0
-"""Each program is called ROUNDS times, or fewer: a size and dtype get PATIENCE seconds."""
+ROUNDS, PATIENCE = 7, 1.0
+"""Each program is called ROUNDS times, or fewer: it gets PATIENCE seconds."""
 
 BASE, PLAIN, NUMPY, C = "norm_ratio", ", plain", "numpy", "C loop"
 
@@ -102,7 +103,7 @@ def measured(contacts, count, dtype):
     calls |= {name: lambda call=call: call(theta) for name, call in available(contacts, dtype).items()}
     results = {name: jax.tree.map(np.asarray, call()) for name, call in calls.items()}
     refuse_disagreement(contacts, theta, results)
-    seconds = timed(calls)
+    seconds = in_turns(calls, PATIENCE, ROUNDS)
     rates = {name: count / s for name, s in seconds.items()}
     numpy = next(rate for name, rate in rates.items() if name.startswith(NUMPY))
     c = next((rate for name, rate in rates.items() if name.startswith(C)), np.nan)
@@ -153,20 +154,6 @@ def refuse_disagreement(contacts, theta, results):
             off = abs(found[1] - slope) > ROUNDINGS * (rounding + step) * (abs(slope) + expected)
             if not np.mean(off) <= NEAR_A_KINK:
                 raise ValueError(f"{name}, {contacts} contacts: {np.mean(off):.1%} of the slopes are off")
-
-
-def timed(calls):
-    """{name: median seconds}, the programs called in turns."""
-    times = {name: [] for name in calls}
-    began = time.perf_counter()
-    for _ in range(ROUNDS):
-        for name, call in calls.items():
-            start = time.perf_counter()
-            call()
-            times[name].append(time.perf_counter() - start)
-        if time.perf_counter() - began > PATIENCE:
-            break
-    return {name: float(np.median(t)) for name, t in times.items()}
 
 
 def shown(r):

@@ -40,8 +40,7 @@ def measured(batch, problems):
     """The rows of two guides and of the chain as `bounds` writes them, those of the solvers as `solvers` does."""
     guides, chain = (bounds.measured(m, max(batch // part, 2), "float64") for m, part in PART.items())
     M, q = solvers.problems(EIGHT, problems, np.float64)
-    solves = [solvers.measured(METHOD, solvers.METHODS[METHOD][0], M, q)]
-    solves += [solvers.measured_peer(name, loop, M, q) for name, loop in available().items()]
+    solves = solvers.measured({METHOD: solvers.METHODS[METHOD][0]}, available(), M, q, alone=False)
     return guides, chain, solves
 
 

@@ -9,7 +9,9 @@ are measured with and without it.
 import argparse
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +19,7 @@ import numpy as np
 
 from benchmarks._machine import machine
 from benchmarks._peers import available
+from benchmarks._timing import in_turns
 from jaxcontact import native
 from jaxcontact.complementarity import (
     LCP,
@@ -51,8 +54,8 @@ WORK = 2**22
 LEAST, MOST = 256, 100_000
 
 PATIENCE = 0.7
-"""A time is the median of as many runs as fit in so many seconds, at least one: what a sweep sees, with threads and
-memory at hand."""
+"""A time is the median of as many runs as fit in so many seconds, at least one, taken in turns: what a sweep sees, with
+threads and memory at hand."""
 
 HEADS = "  m  dtype    method                                 batch   solves/s   failed   rho 99%    rho max  compile s"
 
@@ -72,15 +75,8 @@ def main(argv: list[str]) -> None:
         count = int(np.clip(options.work // m**2, min(LEAST, options.work), MOST))
         for dtype in (np.float64, np.float32):
             M, q = problems(m, count, dtype)
-            for name, (method, largest) in METHODS.items():
-                if m > largest:
-                    continue
-                rows.append(shown(measured(name, method, M, q)))
-                if native.serve(dtype) and hasattr(method, "compiled"):
-                    with native.unused():
-                        rows.append(shown(measured(name + ALONE, method, M, q)))
-            if dtype is np.float64:
-                rows += [shown(measured_peer(name, loop, M, q)) for name, loop in peers.items()]
+            methods = {name: method for name, (method, largest) in METHODS.items() if m <= largest}
+            rows += measured(methods, peers if dtype is np.float64 else {}, M, q)
     if options.json:
         Path(options.json).write_text(json.dumps({"machine": here, "rows": rows}, indent=1) + "\n")
 
@@ -96,42 +92,58 @@ def problems(m, count, dtype, seed=0):
     return (W - mu[:, None, None] * Y).astype(dtype), rng.normal(size=(count, m)).astype(dtype)
 
 
-def measured(name, method, M, q):
-    """One row of the table: rates in problems per second, residuals over all lanes, failed ones included."""
+def measured(methods, peers, M, q, alone=True):
+    """Rows of methods {name: method} and of peers {name: function of (M, q)}, called in turns; alone: those with a
+    compiled kernel also without it."""
+    runs = {}
+    for name, method in methods.items():
+        runs[name] = ours(method, M, q)
+        if alone and native.serve(M.dtype) and hasattr(method, "compiled"):
+            with native.unused():
+                runs[name + ALONE] = ours(method, M, q)
+    runs |= {name: theirs(loop, M, q) for name, loop in peers.items()}
+    seconds = in_turns({name: run.call for name, run in runs.items()}, PATIENCE)
+    return [shown(row(name, M, seconds[name], *run[1:])) for name, run in runs.items()]
+
+
+class Run(NamedTuple):
+    """What is timed, and what its first run showed."""
+
+    call: Callable
+    failed: float
+    """share of the problems that it says it did not solve"""
+    residual: np.ndarray
+    """rho of every problem, failed ones included"""
+    compilation: float
+    """seconds"""
+
+
+def ours(method, M, q):
+    """The `Run` of a method of ours."""
 
     def answers(M, q):
         answer = solve(LCP(M, q), method)
         return answer.attempt, answer.status, answer.residual
 
     M, q = jnp.asarray(M), jnp.asarray(q)
-    batch = jax.jit(jax.vmap(answers))
     began = time.perf_counter()
-    compiled = batch.lower(M, q).compile()
+    compiled = jax.jit(jax.vmap(answers)).lower(M, q).compile()
     compilation = time.perf_counter() - began
-    (_, status, residual), seconds = timed(lambda: jax.block_until_ready(compiled(M, q)))
-    return row(name, M, seconds, np.mean(np.asarray(status) != Status.SOLVED), residual, compilation)
+    _, status, residual = compiled(M, q)
+    failed = np.mean(np.asarray(status) != Status.SOLVED)
+    return Run(lambda: jax.block_until_ready(compiled(M, q)), failed, np.asarray(residual), compilation)
 
 
-def measured_peer(name, loop, M, q):
-    """One row for a solver of somebody else: `failed` is what it says of itself, the residual is ours."""
+def theirs(loop, M, q):
+    """That of a solver of somebody else: `failed` is what it says of itself, the residual is ours."""
     began = time.perf_counter()
     loop(M[:1], q[:1])  # compiled here, where it is
     compilation = time.perf_counter() - began
-    (z, solved), seconds = timed(lambda: loop(M, q))
+    z, solved = loop(M, q)
     w = np.einsum("bij,bj->bi", M, z) + q
     diagonal = np.diagonal(M, axis1=1, axis2=2)
     residual = np.abs(np.minimum(diagonal * z, w)).max(axis=1) / np.abs(q).max(axis=1)
-    return row(name, M, seconds, np.mean(~solved), residual, compilation)
-
-
-def timed(run):
-    """(result, median seconds) after one run that does not count."""
-    result, times = run(), []
-    while sum(times) < PATIENCE:
-        began = time.perf_counter()
-        result = run()
-        times.append(time.perf_counter() - began)
-    return result, float(np.median(times))
+    return Run(lambda: loop(M, q), np.mean(~solved), residual, compilation)
 
 
 def row(name, M, seconds, failed, residual, compilation):
