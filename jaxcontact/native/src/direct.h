@@ -1,7 +1,7 @@
 // One to four contacts, every mode tried: complementarity/direct.py and minors.py, several problems to an instruction.
 #pragma once
 
-#include "group.h"
+#include "findings.h"
 
 namespace jaxcontact {
 
@@ -151,22 +151,24 @@ inline void correct_in_mode(const Group<m, Real>& group, const Lanes<Real> (&mis
 
 // A group of problems.
 template <int m, class Real>
-void direct(const Given<m, Real>& given, Real* z, Real* certificate, int* outcome) {
+void direct(GroupJudge<m, Real>& judge, Real* z, Real* certificate, int* outcome) {
   using V = Lanes<Real>;
+  const Given<m, Real>& given = judge.given;
   Group<m, Real> group;
   load(given, group);
   V found[m];
   Masks<Real> none = ~Masks<Real>{};
   if constexpr (m <= 2) {
     Vertices<Real>::template best<m>(group, found);
+    conclude(group, judge, found, 0, [](const V(&)[m], V(&)[m]) {}, z);
   } else {
     none = Minors<m, Real>(group).best(found);
-    refine_lanes<m, Real>(group, found, DirectRules::corrections,
-                          [&](const V(&miss)[m], V(&z)[m]) { correct_in_mode<m, Real>(group, miss, z); });
+    conclude(
+        group, judge, found, DirectRules::corrections,
+        [&group](const V(&miss)[m], V(&x)[m]) { correct_in_mode<m, Real>(group, miss, x); }, z);
   }
-  scatter(group, found, given.count, z);
   hopeless_rows(given, certificate);
-  for (int lane = 0; lane < given.count; ++lane) outcome[lane] = none[lane] ? NO_SOLUTION : INACCURATE;
+  write_integers<Real>(none ? Masks<Real>{} + int(NO_SOLUTION) : Masks<Real>{} + int(INACCURATE), given.count, outcome);
 }
 
 }  // namespace jaxcontact

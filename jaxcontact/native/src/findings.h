@@ -302,8 +302,26 @@ struct GroupJudge {
     return {m, given.load, x, w, terms, t, up, down};
   }
 
-  void measure(const V (&z)[m]) {
-    at(z).errors(&eta, &rho);
+  // Lanes where every row of the point of `at` misses by no more than EXACT eps of its own terms.
+  K settled() const {
+    K all_rows = ~K{};
+    for (int i = 0; i < m; ++i) {
+      const V allowed = EXACT * eps<Real> * terms[i];
+      all_rows &= (w[i] >= -allowed) & ((x[i] <= 0) | (w[i] <= allowed));
+    }
+    return all_rows;
+  }
+
+  void measure(const V (&z)[m]) { measure(at(z)); }
+
+  void measure(const Real* z) {
+    V own[m];
+    read_lanes<m>(z, given.count, own);
+    measure(own);
+  }
+
+  void measure(const Point<V>& point_of_lanes) {
+    point_of_lanes.errors(&eta, &rho);
     V sum{}, point{}, data{};
     for (const V& part : terms) sum += part;
     sound = whole = sum - sum == 0;  // no number is lost in a sum of sizes
@@ -338,14 +356,25 @@ struct GroupJudge {
   }
 };
 
-// A group at points that stand in memory.
-template <int m, class Real>
-void findings_of_group(const Given<m, Real>& given, const Real* z, const Real* certificate, const Found<Real>& found) {
+// z of a group in balanced units is cut to z >= 0, corrected where it is not settled, written and measured; the lanes
+// where it is still not close are returned. correct: as in `refine_lanes`.
+template <int m, class Real, class Correct>
+inline Masks<Real> conclude(const Group<m, Real>& group, GroupJudge<m, Real>& judge, Lanes<Real> (&z)[m],
+                            int corrections, Correct correct, Real* to) {
   Lanes<Real> x[m];
-  GroupJudge<m, Real> judge(given);
-  read_lanes<m>(z, given.count, x);
-  judge.measure(x);
-  judge.write(certificate, found);
+  const auto point = [&] {
+    for (int i = 0; i < m; ++i) x[i] = cut(z[i]) * group.unit[i] * group.whole;
+    return judge.at(x);
+  };
+  Point<Lanes<Real>> found = point();
+  Masks<Real> open = ~judge.settled();
+  if (corrections > 0 && any_lane<Real>(open)) {
+    open = refine_lanes(group, open, z, corrections, correct);
+    found = point();
+  }
+  judge.measure(found);
+  write_lanes<m>(x, judge.given.count, to);
+  return open;
 }
 
 template <int m, class Real>

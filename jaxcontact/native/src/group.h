@@ -155,32 +155,19 @@ inline V cut(V x) {
   return x < 0 ? V{} : x;
 }
 
-// `settled` of tableau.h for a group.
-template <int m, class Real>
-inline Masks<Real> settled_lanes(const Group<m, Real>& group, const Lanes<Real> (&z)[m], const Lanes<Real> (&miss)[m]) {
-  Masks<Real> all_rows = ~Masks<Real>{};
-  for (int i = 0; i < m; ++i) {
-    Lanes<Real> terms = size_of(group.q[i]);
-    for (int j = 0; j < m; ++j) terms += size_of(group.M[i][j] * z[j]);
-    const Lanes<Real> allowed = EXACT * eps<Real> * terms;
-    all_rows &= (miss[i] >= -allowed) & ((z[i] <= 0) | (miss[i] <= allowed));
-  }
-  return all_rows;
-}
-
 // A row misses by no more than CLOSE eps of the largest terms: a quarter of what the judge allows.
 constexpr int CLOSE = 64;
 
-// `refine` of tableau.h for a group; the lanes where it is not close are returned. correct(miss, z): subtract from z
-// what the bases say of the miss.
+// `refine` of tableau.h for the open lanes of a group; those where it is not close are returned. correct(miss, z):
+// subtract from z what the bases say of the miss.
 template <int m, class Real, class Correct>
-inline Masks<Real> refine_lanes(const Group<m, Real>& group, Lanes<Real> (&z)[m], int corrections, Correct correct) {
+inline Masks<Real> refine_lanes(const Group<m, Real>& group, Masks<Real> open, Lanes<Real> (&z)[m], int corrections,
+                                Correct correct) {
   using V = Lanes<Real>;
   V best[m], miss[m], held[m];
   for (int i = 0; i < m; ++i) best[i] = cut(z[i]);
   V least = violation_of_lanes(group, best, miss);
-  const Masks<Real> open = ~settled_lanes(group, best, miss);
-  for (int k = 0; k < corrections && any_lane<Real>(open); ++k) {
+  for (int k = 0; k < corrections; ++k) {
     violation_of_lanes(group, z, miss);
     correct(miss, z);
     for (int i = 0; i < m; ++i) held[i] = cut(z[i]);
@@ -214,14 +201,6 @@ inline void hopeless_rows(const Given<m, Real>& given, Real* certificate) {
   if (!any_lane<Real>(any)) return;
   for (int lane = 0; lane < given.count; ++lane)
     hopeless_row(given.M + lane * m * m, given.q + lane * m, m, certificate + lane * m);
-}
-
-// z of the caller, written problem by problem.
-template <int m, class Real>
-inline void scatter(const Group<m, Real>& group, const Lanes<Real> (&z)[m], int count, Real* to) {
-  Lanes<Real> x[m];
-  for (int i = 0; i < m; ++i) x[i] = z[i] * group.unit[i] * group.whole;
-  write_lanes<m>(x, count, to);
 }
 
 }  // namespace jaxcontact

@@ -132,8 +132,8 @@ ffi::Error over_problems(ffi::ThreadPool& pool, int64_t total, int64_t m, int64_
   return ffi::Error::Success();
 }
 
-// All problems by a method, each measured behind it: of_group(given, b, work, certificate) and alone(stride, b, work,
-// certificate).
+// All problems by a method, each measured: of_group(judge, b, work, certificate) leaves the measures in the judge;
+// alone(stride, b, work, certificate) is measured behind it.
 template <class OfGroup, class Alone>
 ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results& to, bool grouped, int extra,
                   OfGroup of_group, Alone alone) {
@@ -146,8 +146,9 @@ ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results
         if constexpr (size() <= AHEAD_LIMIT)
           for (int64_t k = 0; k < W * m * m; k += LINE) __builtin_prefetch(M + (b + AHEAD * W) * m * m + k);
         const Given<size(), Real> given(M + b * m * m, q + b * m, count);
-        of_group(given, b, work, certificate);
-        findings_of_group(given, to.z + b * m, certificate, to.found_at(b));
+        GroupJudge<size(), Real> judge(given);
+        of_group(judge, b, work, certificate);
+        judge.write(certificate, to.found_at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         Real* certificate = to.certificate_at(b, work);
@@ -174,8 +175,8 @@ ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans want
   const bool* wanted = wanted_.element_count() ? wanted_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED && !wanted, 0,
-      [=](const auto& given, int64_t b, Workspace<Real>& work, Real* certificate) {
-        principal_lanes(given, budget, work, to.z + b * m, certificate, to.outcome + b, to.steps + b);
+      [=](auto& judge, int64_t b, Workspace<Real>& work, Real* certificate) {
+        principal_lanes(judge, budget, work, to.z + b * m, certificate, to.outcome + b, to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
         principal<stride()>(M + b * m * m, q + b * m, wanted ? wanted + b * m : nullptr, budget, work, to.z + b * m,
@@ -191,8 +192,8 @@ ffi::Error Lemke(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers covering_
   const Real* covering = covering_.element_count() ? covering_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED, 1,
-      [=](const auto& given, int64_t b, Workspace<Real>& work, Real* certificate) {
-        lemke_lanes(given, covering ? covering + b * m : nullptr, budget, work, to.z + b * m, certificate,
+      [=](auto& judge, int64_t b, Workspace<Real>& work, Real* certificate) {
+        lemke_lanes(judge, covering ? covering + b * m : nullptr, budget, work, to.z + b * m, certificate,
                     to.outcome + b, to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
@@ -206,10 +207,10 @@ ffi::Error Direct(ffi::ThreadPool pool, Numbers M_, Numbers q_, JAXCONTACT_RESUL
   const int64_t m = to.m;
   return solved(
       pool, M_, q_, to, true, 0,
-      [=](const auto& given, int64_t b, Workspace<Real>&, Real* certificate) {
-        constexpr int size = sizeof(given.load) / sizeof(given.load[0]);
-        if constexpr (size <= DIRECT_LIMIT) direct(given, to.z + b * m, certificate, to.outcome + b);
-        for (int lane = 0; lane < given.count; ++lane) to.steps[b + lane] = 0;
+      [=](auto& judge, int64_t b, Workspace<Real>&, Real* certificate) {
+        constexpr int size = sizeof(judge.given.load) / sizeof(judge.given.load[0]);
+        if constexpr (size <= DIRECT_LIMIT) direct(judge, to.z + b * m, certificate, to.outcome + b);
+        std::memset(to.steps + b, 0, sizeof(int) * judge.given.count);
       },
       [](auto...) {});
 }
@@ -242,8 +243,10 @@ ffi::Error Measure(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, Num
                    nullptr,
                    {eta->typed_data(), rho->typed_data(), flags->typed_data()},
                    contacts(q_)};
-  const auto nothing = [](auto&&...) {};
-  return solved(pool, M_, q_, to, to.m <= GROUPED, 0, nothing, nothing);
+  const Real* z = z_.typed_data();
+  return solved(
+      pool, M_, q_, to, to.m <= GROUPED, 0,
+      [=](auto& judge, int64_t b, Workspace<Real>&, Real*) { judge.measure(z + b * to.m); }, [](auto&&...) {});
 }
 
 ffi::Error Classify(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, ToNumbers w_, ToBooleans active_,

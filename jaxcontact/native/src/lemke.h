@@ -1,7 +1,7 @@
 // Lemke's method with lexicographic ties, step for step as in complementarity/lemke.py.
 #pragma once
 
-#include "group.h"
+#include "findings.h"
 
 namespace jaxcontact {
 
@@ -128,11 +128,12 @@ void lemke(const Real* M, const Real* q, const Real* covering, int budget, Works
 
 // A group of problems. A lane with a tie, a ray or a long path is left to `lemke`.
 template <int m, class Real>
-void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, Workspace<Real>& work, Real* z,
+void lemke_lanes(GroupJudge<m, Real>& judge, const Real* covering, int budget, Workspace<Real>& work, Real* z,
                  Real* certificate, int* outcome, int* steps) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
   constexpr int n = m + 1, longest = 8 * m;
+  const Given<m, Real>& given = judge.given;
   const int count = given.count;
   Group<m, Real> group;
   load(given, group);
@@ -226,7 +227,7 @@ void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, 
   };
   V found[m];
   for (int j = 0; j < m; ++j) found[j] = of_z(values, j);
-  refine_lanes<m, Real>(group, found, REFINEMENTS, [&](const V(&miss)[m], V(&x)[m]) {
+  const auto correct = [&](const V(&miss)[m], V(&x)[m]) {
     V sums[m] = {};
     for (int k = 0; k < n; ++k) {
       V raised{};
@@ -234,8 +235,8 @@ void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, 
       for (int i = 0; i < m; ++i) sums[i] += T[i][k] * raised;
     }
     for (int j = 0; j < m; ++j) x[j] -= of_z(sums, j);
-  });
-  scatter(group, found, count, z);
+  };
+  conclude(group, judge, found, REFINEMENTS, correct, z);
   write_integers<Real>(Masks<Real>{} + int(SOLVED), count, outcome);
   write_integers<Real>(taken, count, steps);
   std::memset(certificate, 0, sizeof(Real) * m * count);
@@ -245,6 +246,7 @@ void lemke_lanes(const Given<m, Real>& given, const Real* covering, int budget, 
       lemke<0>(given.M + lane * m * m, given.q + lane * m, covering ? covering + lane * m : nullptr, budget, work,
                z + lane * m, certificate + lane * m, outcome + lane, steps + lane);
   }
+  judge.measure(z);
 }
 
 }  // namespace jaxcontact

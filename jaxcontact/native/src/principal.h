@@ -1,9 +1,7 @@
 // Principal pivoting: one problem step for step as in complementarity/principal.py, a group in turns first.
 #pragma once
 
-#include <utility>
-
-#include "group.h"
+#include "findings.h"
 
 namespace jaxcontact {
 
@@ -175,10 +173,11 @@ struct Turns {
 
 // A group of problems without warm start. A lane that turns do not solve, or not well, is left to `principal`.
 template <int m, class Real>
-void principal_lanes(const Given<m, Real>& given, int budget, Workspace<Real>& work, Real* z, Real* certificate,
+void principal_lanes(GroupJudge<m, Real>& judge, int budget, Workspace<Real>& work, Real* z, Real* certificate,
                      int* outcome, int* steps) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
+  const Given<m, Real>& given = judge.given;
   const int count = given.count;
   Group<m, Real> group;
   load(given, group);
@@ -186,14 +185,16 @@ void principal_lanes(const Given<m, Real>& given, int budget, Workspace<Real>& w
   V found[m];
   for (int i = 0; i < m; ++i) found[i] = turns.active[i] ? turns.values[i] : V{};
   K left = ~turns.solved() | (turns.taken > budget);
-  left |= refine_lanes<m, Real>(group, found, REFINEMENTS, [&turns](const V(&miss)[m], V(&x)[m]) {
-    for (int i = 0; i < m; ++i) {
-      V sum{};
-      for (int j = 0; j < m; ++j) sum += turns.active[j] ? turns.T[i][j] * miss[j] : V{};
-      x[i] -= turns.active[i] ? sum : V{};
-    }
-  });
-  scatter(group, found, count, z);
+  left |= conclude(
+      group, judge, found, REFINEMENTS,
+      [&turns](const V(&miss)[m], V(&x)[m]) {
+        for (int i = 0; i < m; ++i) {
+          V sum{};
+          for (int j = 0; j < m; ++j) sum += turns.active[j] ? turns.T[i][j] * miss[j] : V{};
+          x[i] -= turns.active[i] ? sum : V{};
+        }
+      },
+      z);
   write_integers<Real>(K{} + int(SOLVED), count, outcome);
   write_integers<Real>(turns.taken, count, steps);
   std::memset(certificate, 0, sizeof(Real) * m * count);
@@ -202,6 +203,7 @@ void principal_lanes(const Given<m, Real>& given, int budget, Workspace<Real>& w
     if (left[lane])
       principal<padded<Real>(m)>(given.M + lane * m * m, given.q + lane * m, nullptr, budget, work, z + lane * m,
                                  certificate + lane * m, outcome + lane, steps + lane);
+  judge.measure(z);
 }
 
 }  // namespace jaxcontact
