@@ -192,10 +192,11 @@ def test_more_truth_values_than_bits_of_a_number():
 
 
 def test_what_is_packed_takes_few_loops():
-    """Five numbers two by two, and twenty truth values in one."""
+    """Five numbers two by two, and twenty truth values in one, behind one wall."""
     x, M = jnp.ones((64, 4)), jnp.ones((64, 4, 4))
     text = jax.jit(jax.vmap(linalg.packed(looks))).lower(x, M).compile().as_text()
-    assert text.count(" conditional(") == 3 + 1
+    assert text.count(" conditional(") == 1
+    assert sum(" fusion(" in line and "/branch_1_fun/" in line for line in text.splitlines()) == 3 + 1
 
 
 @pytest.mark.parametrize("constant", [False, True])

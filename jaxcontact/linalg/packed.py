@@ -11,9 +11,11 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from jaxcontact.linalg.batches import walled
 from jaxcontact.linalg.fused import as_one, from_one, fused
+from jaxcontact.linalg.unrolled import in_a_row, total
 
 BITS = 31
 """Truth values that one whole number holds."""
@@ -21,47 +23,48 @@ BITS = 31
 
 def packed(function: Callable) -> Callable:
     """`function`, of small arrays, whose few results are truth values and real numbers of one dtype, as a program on
-    scalars for each two numbers and each BITS truth values. Behind a wall; not to be differentiated.
+    scalars that returns a number for each two real ones and for each BITS truth values. Behind a wall; not to be
+    differentiated.
 
     >>> largest, whole = packed(lambda x: (jnp.abs(x).max(), jnp.isfinite(x)))(jnp.ones(3))
     """
-    function = jax.jit(function)  # traced once for all programs
+    function = jax.jit(function)  # traced once, for its shapes and for itself
 
     def apart(*arguments):
         shapes, structure = jax.tree.flatten(jax.eval_shape(function, *arguments))
-        truths = [x.dtype == bool for x in shapes]
-        rows = {kind: _row(function, truths, kind, shapes, arguments) for kind in set(truths)}
-        results, used = [], dict.fromkeys(rows, 0)
-        for x, truth in zip(shapes, truths, strict=True):
-            size = math.prod(x.shape)
-            results.append(rows[truth][used[truth] : used[truth] + size].reshape(x.shape))
-            used[truth] += size
+        kinds = list(dict.fromkeys(x.dtype for x in shapes))
+
+        def program(*arguments):
+            results = jax.tree.leaves(function(*arguments))
+            return [_numbers([x for x in results if x.dtype == kind]) for kind in kinds]
+
+        numbers = walled(fused(program))(*arguments)
+        rows, used = dict(zip(kinds, map(_row, numbers, kinds), strict=True)), dict.fromkeys(kinds, 0)
+        results = []
+        for x in shapes:
+            first, used[x.dtype] = used[x.dtype], used[x.dtype] + math.prod(x.shape)
+            results.append(rows[x.dtype][first : used[x.dtype]].reshape(x.shape))
         return jax.tree.unflatten(structure, results)
 
     return apart
 
 
-def _row(function: Callable, truths: list[bool], truth: bool, shapes: list, arguments: tuple) -> jax.Array:
-    """All entries of the results that are truth values, or of those that are not, one after the other."""
+def _numbers(results: list[jax.Array]) -> list[jax.Array]:
+    """All entries of results of one dtype, one after the other, several as one number."""
+    join, each = (_bits, BITS) if results[0].dtype == bool else (as_one, 2)
+    entries = [entry for x in results for entry in in_a_row(x)]
+    return [join(entries[first : first + each]) for first in range(0, len(entries), each)]
 
-    def numbered(first: int, count: int) -> Callable:
-        """So many entries as one number."""
 
-        def program(*arguments):
-            results = zip(jax.tree.leaves(function(*arguments)), truths, strict=True)
-            entries = [x[i] for x, kind in results if kind == truth for i in np.ndindex(x.shape)]
-            entries = entries[first : first + count]
-            if not truth:
-                return as_one(entries)
-            return sum((jnp.where(x, 1 << k, 0) for k, x in enumerate(entries)), jnp.int32(0))
+def _bits(truths: list[jax.Array]) -> jax.Array:
+    """Truth values as the bits of an int32."""
+    return total([lax.select(x, np.int32(1 << k), np.int32(0)) for k, x in enumerate(truths)])
 
-        return walled(fused(program))
 
-    def taken_apart(number: jax.Array, count: int) -> jax.Array:
-        return (number[None] >> jnp.arange(count, dtype=jnp.int32)) & 1 == 1 if truth else from_one(number)
+def _row(numbers: list[jax.Array], kind: np.dtype) -> jax.Array:
+    """The entries again; after the last truth value there may be some more."""
 
-    kept = [x for x, kind in zip(shapes, truths, strict=True) if kind == truth]
-    total, each = sum(math.prod(x.shape) for x in kept), BITS if truth else 2
-    counts = [(first, min(each, total - first)) for first in range(0, total, each)]
-    parts = [taken_apart(numbered(first, count)(*arguments), count) for first, count in counts]
-    return jnp.concatenate([jnp.zeros(0, kept[0].dtype), *parts])
+    def taken_apart(number):
+        return (number[None] >> np.arange(BITS, dtype=np.int32)) & 1 == 1 if kind == bool else from_one(number)
+
+    return jnp.concatenate([jnp.zeros(0, kind), *map(taken_apart, numbers)])
