@@ -54,7 +54,7 @@ def diagonal(A: jax.Array) -> jax.Array:
 
 def columns(A: jax.Array) -> list[list[Scalar]]:
     """The columns of a matrix (n, m) as lists of scalars."""
-    return [[row[j] for row in entries(A)] for j in range(A.shape[1])] if A.shape[0] else [[]] * A.shape[1]
+    return [list(column) for column in zip(*entries(A), strict=True)] if A.shape[0] else [[]] * A.shape[1]
 
 
 def from_columns(cols: list[list[Scalar]], rows: int, dtype) -> jax.Array:
