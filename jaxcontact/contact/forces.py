@@ -111,7 +111,7 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
     return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
 
 
-_terms = jax.jit(terms, inline=True)  # needed with and without derivatives, traced once
+_terms = jax.jit(terms)  # needed with and without derivatives, traced once
 
 
 class Seen(NamedTuple):
@@ -123,7 +123,7 @@ class Seen(NamedTuple):
     """numbers other than zero are misuse"""
 
 
-@partial(jax.jit, static_argnames=("method", "certified"), inline=True)
+@partial(jax.jit, static_argnames=("method", "certified"))
 def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: bool) -> tuple[ContactForces, Seen]:
     """The forces, and what the door looks at. Derivatives pass through lanes with sound input only."""
     contacts = mechanism.contacts
