@@ -51,7 +51,7 @@ def packed(function: Callable) -> Callable:
 
 def _numbers(results: list[jax.Array]) -> list[jax.Array]:
     """All entries of results of one dtype, one after the other, several as one number."""
-    join, each = (_bits, BITS) if results[0].dtype == bool else (as_one, 2)
+    join, each = (_bits, BITS) if results[0].dtype == np.bool_ else (as_one, 2)
     entries = [entry for x in results for entry in in_a_row(x)]
     return [join(entries[first : first + each]) for first in range(0, len(entries), each)]
 
@@ -65,6 +65,6 @@ def _row(numbers: list[jax.Array], kind: np.dtype) -> jax.Array:
     """The entries again; after the last truth value there may be some more."""
 
     def taken_apart(number):
-        return (number[None] >> np.arange(BITS, dtype=np.int32)) & 1 == 1 if kind == bool else from_one(number)
+        return (number[None] >> np.arange(BITS, dtype=np.int32)) & 1 == 1 if kind == np.bool_ else from_one(number)
 
     return jnp.concatenate([jnp.zeros(0, kind), *map(taken_apart, numbers)])
