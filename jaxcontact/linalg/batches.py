@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
 
@@ -168,9 +169,8 @@ def _always(arguments):
         if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
             row = lax.slice_in_dim(x, 0, 1) if x.ndim else x
             bits = lax.bitcast_convert_type(row, f"uint{8 * x.dtype.itemsize}")
-            set_ = lax.bitwise_or(bits, lax.full_like(bits, 1))
-            found.append(lax.reduce_and(lax.ne(set_, lax.full_like(bits, 0)), tuple(range(x.ndim))))
-    return functools.reduce(lax.bitwise_and, found) if found else True
+            found.append(lax.reduce_or(bits, tuple(range(x.ndim))).astype(np.uint32))
+    return lax.ne(functools.reduce(lax.bitwise_or, found, np.uint32(1)), np.uint32(0)) if found else True
 
 
 def _spread(size, batched, arguments):
