@@ -26,6 +26,7 @@ from jaxcontact.complementarity.inverse import inverse
 from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, BoxedLCP, HorizontalLCP
 from jaxcontact.complementarity.residuals import classify
 from jaxcontact.complementarity.short import dot
+from jaxcontact.linalg import all_finite
 
 AT_A_KINK = 0.5
 """d_i at a degenerate pair: halfway between contact held and contact open."""
@@ -85,7 +86,7 @@ def attach(problem, free, z, w, weight=None, finite=None):
     weight: (m,) d, and finite: bool, whether all numbers are finite, where they are known already."""
     form = normal_form(problem)
     if finite is None:
-        finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in (*form, free, z, w)]).all()
+        finite = all_finite(*form, free, z, w)
     harmless = _harmless(form)
     form = jax.tree.map(lambda part, safe: jnp.where(finite, part, safe), form, harmless)
     inner = [jnp.where(finite, part, 0) for part in (free, z, w)]

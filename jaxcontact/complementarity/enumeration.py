@@ -94,7 +94,6 @@ def _enumerated(problem):
     valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
     point = [jnp.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
     free, z, w = jax.vmap(lambda *part: attach(problem, *part))(*point)
-    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
     return AllSolutions(
         free=free,
         z=z,
@@ -102,7 +101,7 @@ def _enumerated(problem):
         valid=valid,
         count=jnp.sum(valid).astype(jnp.int32),
         infinite=jnp.any(family & holds),
-        undecided=jnp.any(doubt) | ~finite,
+        undecided=jnp.any(doubt) | ~linalg.all_finite(*form),
     )
 
 
@@ -127,7 +126,7 @@ def _solved_mode(problem, form, mode):
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
     holds = inside & acceptable(*residuals(problem, form, free, z, w), jnp.inf, x.dtype)
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
-    stretches = jax.vmap(lambda column: _stretch(sign * x, sign * column)[1], 1)(kernel)
+    _, stretches = _stretch((sign * x)[:, None], sign[:, None] * kernel)
     family = jnp.any((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0))
     one_signed = jnp.any(jnp.all(K * sign[None, :] > 0, axis=1) | jnp.all(K * sign[None, :] < 0, axis=1))
     lone = holds & one_signed & (linalg.greatest(size, initial=0) == 0)
@@ -151,15 +150,16 @@ def _kernel(K, found):
 
 def _stretch(y, line):
     """(t, length): y + t line >= 0 at an end of the stretch of the line where it can be, and that stretch's length
-    relative to the numbers that enter it, negative if there is none. Entries where line is zero play no part."""
+    relative to the numbers that enter it, negative if there is none. Entries where line is zero play no part. Along the
+    first axis; further axes of `line` hold other lines."""
     rising, falling = line > 0, line < 0
     at = -y / jnp.where(line == 0, 1, line)
-    low = linalg.greatest(jnp.where(rising, at, -jnp.inf), initial=-jnp.inf)
-    high = linalg.least(jnp.where(falling, at, jnp.inf), initial=jnp.inf)
+    low = linalg.greatest(jnp.where(rising, at, -jnp.inf), 0, initial=-jnp.inf)
+    high = linalg.least(jnp.where(falling, at, jnp.inf), 0, initial=jnp.inf)
     t = jnp.where(jnp.isfinite(low), low, jnp.where(jnp.isfinite(high), high, 0))
-    steepest = linalg.greatest(jnp.abs(line), initial=0)
-    size = linalg.greatest(jnp.where(line == 0, 0, jnp.abs(at)), initial=0)
-    size = jnp.maximum(size, linalg.greatest(jnp.abs(y), initial=0) / jnp.where(steepest > 0, steepest, 1))
+    steepest = linalg.greatest(jnp.abs(line), 0, initial=0)
+    size = linalg.greatest(jnp.where(line == 0, 0, jnp.abs(at)), 0, initial=0)
+    size = jnp.maximum(size, linalg.greatest(jnp.abs(y), 0, initial=0) / jnp.where(steepest > 0, steepest, 1))
     return t, jnp.where(high - low > 0, (high - low) / jnp.where(size > 0, size, 1), -1)
 
 

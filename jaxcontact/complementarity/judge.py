@@ -17,7 +17,7 @@ from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.residuals import above_zero, classify, pair_scales, residuals, slack
 from jaxcontact.complementarity.short import SCALARS, counted, dot, largest
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import in_chunks, packed, two_product, two_sum, walled, where_needed
+from jaxcontact.linalg import all_finite, in_chunks, packed, two_product, two_sum, walled, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
@@ -131,9 +131,7 @@ def _measured(problem, claim):
     active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
     tight = walled(analysed_inverse)(mode_matrix(form, (active | degenerate).astype(w.dtype)))
     condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
-    finite = jnp.array([jnp.all(jnp.isfinite(part)) for part in form]).all()
-    whole = jnp.all(jnp.isfinite(claim.z)) & jnp.all(jnp.isfinite(w)) & jnp.all(jnp.isfinite(claim.free))
-    return Findings(w, eta, rho, active, degenerate, condition, finite, whole)
+    return Findings(w, eta, rho, active, degenerate, condition, all_finite(*form), all_finite(claim.z, w, claim.free))
 
 
 def _measured_by_kernel(problem, claim):

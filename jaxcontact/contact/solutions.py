@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from .. import linalg
 from ..complementarity import all_solutions
 from ..dynamics import Delassus
 from .law import coefficients, signs
@@ -106,7 +107,7 @@ def _solutions(operators: Delassus, friction: Array) -> Solutions:
         valid=valid,
         count=jnp.sum(valid).astype(jnp.int32),
         infinite=(infinite | found.span.deficient) & jnp.any(valid),
-        undecided=undecided & possible | ~jnp.all(jnp.isfinite(operators.N)) | ~jnp.all(jnp.isfinite(friction)),
+        undecided=undecided & possible | ~linalg.all_finite(operators.N, friction),
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 from jax import Array
 
+from .. import linalg
 from ..dynamics import Contact, State, Terms
 from ..dynamics.sound import closed_and_kept
 
@@ -12,9 +13,8 @@ from ..dynamics.sound import closed_and_kept
 def is_sound(contacts: tuple[Contact, ...], parts: Terms, state: State, mu: Array) -> Array:
     """bool: all numbers are finite, the coefficients of friction are possible, and every gap is closed and stays so."""
     numbers = (parts.M, parts.F, parts.G, parts.H, parts.c, parts.slip, parts.gap, parts.gap_rate, state.q, state.v, mu)
-    finite = jnp.array([jnp.all(jnp.isfinite(x)) for x in numbers]).all()
     closed, kept = closed_and_kept(parts, state)
-    return finite & jnp.all(closed) & jnp.all(kept)
+    return linalg.all_finite(*numbers) & jnp.all(closed & kept)
 
 
 def without_idle_directions(parts: Terms, idle: Array) -> Terms:

@@ -3,7 +3,7 @@
 from jaxcontact.linalg.batches import compiler_options, for_the_few, in_chunks, walled, where_needed
 from jaxcontact.linalg.compensated import det2, det3, dot, two_product, two_sum
 from jaxcontact.linalg.decomposition import decomposition
-from jaxcontact.linalg.extrema import greatest, least
+from jaxcontact.linalg.extrema import all_finite, greatest, least
 from jaxcontact.linalg.factors import (
     cholesky,
     det,
@@ -27,6 +27,7 @@ from jaxcontact.linalg.symmetric import symmetric_eigenvalue_max, symmetric_eige
 from jaxcontact.linalg.unrolled import diagonal, shield
 
 __all__ = [
+    "all_finite",
     "as_one",
     "cholesky",
     "compiler_options",

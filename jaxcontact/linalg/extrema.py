@@ -1,11 +1,14 @@
-"""Largest and smallest entries, NaN if one entry is.
+"""Largest and smallest entries, NaN if one entry is; and whether all are finite.
 
 On a CPU XLA's own reductions drop NaN once they are vectorised (openxla/xla issue 21461), so that what is to fail on
 NaN would pass in a large batch. Whether an entry is NaN is therefore asked apart.
 """
 
+import functools
+
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 
 def greatest(x: jax.Array, axis: int | None = None, *, initial: float | None = None) -> jax.Array:
@@ -23,7 +26,16 @@ def least(x: jax.Array, axis: int | None = None, *, initial: float | None = None
     return _with_nan(x, axis, jnp.min(x, axis=axis, initial=initial))
 
 
+def all_finite(*arrays: jax.Array) -> jax.Array:
+    """bool: no entry of the arrays is infinite or NaN.
+
+    >>> all_finite(jnp.ones(2), jnp.array(jnp.inf))     # False
+    """
+    return functools.reduce(lax.bitwise_and, [lax.reduce_and(lax.is_finite(x), tuple(range(x.ndim))) for x in arrays])
+
+
 def _with_nan(x, axis, found):
     if not jnp.issubdtype(x.dtype, jnp.floating):
         return found
-    return jnp.where(jnp.any(jnp.isnan(x), axis=axis), jnp.nan, found)
+    unknown = lax.reduce_or(lax.ne(x, x), tuple(range(x.ndim)) if axis is None else (axis % x.ndim,))
+    return lax.select(unknown, lax.full_like(found, jnp.nan), found)
