@@ -5,6 +5,7 @@ then one power of two each brings matrix and vector to a size about one. All fac
 that a solve of M 2^a, q 2^b or D M D, D q runs through the same numbers bit by bit.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -91,6 +92,7 @@ def _one_or_both(across, down):
     return exponent(across) + exponent(down)
 
 
+@partial(jax.jit, inline=True)  # traced once for all of a shape
 def exponent(x):
     """(…) int e with 2^(e-1) <= |x| < 2^e; 0 at zero, at NaN and at infinity.
 
@@ -101,6 +103,7 @@ def exponent(x):
     return jnp.where((x != 0) & jnp.isfinite(x), field - bias + 1, 0).astype(integer)
 
 
+@partial(jax.jit, static_argnames="dtype", inline=True)
 def power_of_two(k, dtype):
     """2^k exactly, k clipped to the normal numbers of the dtype."""
     bits, integer, bias = _layout(dtype)

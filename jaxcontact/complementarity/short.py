@@ -7,6 +7,7 @@ import numpy as np
 from jax import lax
 
 from jaxcontact import linalg
+from jaxcontact.linalg.unrolled import entries, in_a_row, inner, row_of
 
 SCALARS = 4
 """Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""
@@ -26,7 +27,8 @@ def dot(A, x):
     Small products are sums of scalars, which XLA fuses with their surroundings.
     """
     if A.ndim == 2 and x.ndim == 1 and A.size and max(A.shape) <= SCALARS:
-        return jnp.stack([sum(A[i, j] * x[j] for j in range(A.shape[1])) for i in range(A.shape[0])])
+        scalars = in_a_row(x)
+        return row_of([inner(row, scalars) for row in entries(A)])
     if A.ndim == 1 and x.ndim == 2:
         return dot(x.T, A)
     return jnp.matmul(A, x, precision=lax.Precision.HIGHEST)
@@ -35,27 +37,28 @@ def dot(A, x):
 def size_dot(A, x):
     """|A| |x|, the sum of the sizes of the terms of A @ x, without |A| being formed."""
     if A.size and max(A.shape) <= SCALARS:
-        return dot(jnp.abs(A), jnp.abs(x))
+        return dot(lax.abs(A), lax.abs(x))
     return jnp.sum(jnp.abs(A) * jnp.abs(x)[None, :], axis=1)
 
 
 def largest(x):
     """max |x_i| over an array; 0 if it is empty, NaN if one entry is."""
-    return greatest(jnp.abs(x), 0)
+    return greatest(lax.abs(x), 0)
 
 
 def greatest(x, initial):
     """The largest entry of an array, or `initial` if that is larger or there is none; NaN if one entry is."""
     if 0 < x.size <= SCALARS:
-        return functools.reduce(jnp.maximum, [x[i] for i in np.ndindex(*x.shape)], jnp.array(initial, x.dtype))
+        return functools.reduce(lax.max, in_a_row(x), np.array(initial, x.dtype))
     return linalg.greatest(x, initial=initial)
 
 
 def largest_of_rows(A):
     """(n,) max_j |A_ij|; 0 where there is no column."""
-    if 0 < len(A) <= SCALARS:
-        return jnp.stack([largest(row) for row in A])
-    return linalg.greatest(jnp.abs(A), 1, initial=0)
+    if A.size and max(A.shape) <= SCALARS:
+        zero = np.zeros((), A.dtype)
+        return row_of([functools.reduce(lax.max, row, zero) for row in entries(lax.abs(A))])
+    return linalg.greatest(lax.abs(A), 1, initial=0)
 
 
 def seldom(needed, function, otherwise, *arguments):

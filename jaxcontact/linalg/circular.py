@@ -12,6 +12,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 
 ULPS = 1.0
@@ -63,9 +64,19 @@ def cosine(x: Array) -> Array:
     return _turned(x, 1)
 
 
-@partial(jax.jit, static_argnames="quarters", inline=True)
+@partial(jax.jit, static_argnames="quarters")
 def _turned(x: Array, quarters: int) -> Array:
     """sin(x + quarters pi / 2). The parts that sine and cosine share are the same instructions, which XLA merges."""
+    k, odd, even = _of_the_rest(x)
+    k = k + quarters
+    half_turns = lax.floor(0.5 * k)
+    value = jnp.where(k - 2 * half_turns == 0, odd, even)
+    return jnp.where(half_turns - 2 * lax.floor(0.5 * half_turns) == 0, value, -value)
+
+
+@jax.jit  # traced once for both
+def _of_the_rest(x: Array) -> tuple[Array, Array, Array]:
+    """(k, sin r, cos r) with x = k pi / 2 + r, |r| <= pi / 4."""
     size = jnp.dtype(x.dtype).itemsize
     k = lax.round(x * (2 / jnp.pi), lax.RoundingMethod.TO_NEAREST_EVEN)
     r, rest = _reduced(x, k, QUARTER_TURN[size])
@@ -74,10 +85,7 @@ def _turned(x: Array, quarters: int) -> Array:
     half = 0.5 * square
     one_less = 1 - half
     even = one_less + (((1 - one_less) - half) + (square * square * _polynomial(COSINE[size], square) - r * rest))
-    k = k + quarters
-    half_turns = lax.floor(0.5 * k)
-    value = jnp.where(k - 2 * half_turns == 0, odd, even)
-    return jnp.where(half_turns - 2 * lax.floor(0.5 * half_turns) == 0, value, -value)
+    return k, odd, even
 
 
 def _reduced(x: Array, k: Array, parts: tuple[float, ...]) -> tuple[Array, Array]:
@@ -96,7 +104,7 @@ def _reduced(x: Array, k: Array, parts: tuple[float, ...]) -> tuple[Array, Array
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
-    value = jnp.full_like(x, coefficients[-1])
-    for c in reversed(coefficients[:-1]):
-        value = value * x + c
+    value = lax.full_like(x, coefficients[-1])
+    for c in np.array(coefficients[-2::-1], x.dtype):
+        value = lax.add(lax.mul(value, x), c)
     return value

@@ -68,4 +68,4 @@ def _scaled_columns(X: jax.Array) -> tuple[list[list[jax.Array]], jax.Array]:
     """(columns of X / scale, scale), the scale a power of two near the largest entry, so that squares stay in range."""
     cols = columns(X)
     scale, inverse = power_of_two_scale(largest([lax.abs(x) for col in cols for x in col]))
-    return [[x * inverse for x in col] for col in cols], scale
+    return [[lax.mul(x, inverse) for x in col] for col in cols], scale

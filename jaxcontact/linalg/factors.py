@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.scipy.linalg import solve_triangular
 
@@ -37,16 +38,16 @@ def cholesky(M: jax.Array) -> jax.Array:
         return M
     if n > UNROLL_LIMIT:
         return jnp.linalg.cholesky(M, symmetrize_input=False)
-    zero = jnp.zeros((), M.dtype)
+    rows, (zero, one, nan) = entries(M), np.array([0, 1, np.nan], M.dtype)
     L = [[zero] * n for _ in range(n)]
     for j in range(n):
-        pivot = M[j, j] - inner(L[j][:j], L[j][:j]) if j else M[j, j]
-        root = shield(jnp.sqrt(jnp.where(pivot > 0, pivot, jnp.nan)))
-        inverse = shield(1 / root)
-        L[j][j] = root
-        for i in range(j + 1, n):
-            rest = M[i, j] - inner(L[i][:j], L[j][:j]) if j else M[i, j]
-            L[i][j] = rest * inverse
+        for i in range(j, n):
+            rest = lax.sub(rows[i][j], inner(L[i][:j], L[j][:j])) if j else rows[i][j]
+            if i == j:
+                L[j][j] = shield(lax.sqrt(lax.select(lax.gt(rest, zero), rest, nan)))
+                inverse = shield(lax.div(one, L[j][j]))
+            else:
+                L[i][j] = lax.mul(rest, inverse)
     return from_rows(L)
 
 
@@ -69,7 +70,8 @@ def _solve_triangular(L: jax.Array, B: jax.Array, transposed: bool) -> jax.Array
     if max(n, k) > UNROLL_LIMIT:
         return solve_triangular(L, B, lower=True, trans=1 if transposed else 0)
     rows = entries(L)
-    inverse = [shield(1 / rows[i][i]) for i in range(n)]
+    one = np.ones((), B.dtype)
+    inverse = [shield(lax.div(one, rows[i][i])) for i in range(n)]
     solved = [_substitute(rows, inverse, b, transposed) for b in columns(B)]
     return from_columns(solved, n, B.dtype)
 
@@ -81,8 +83,8 @@ def _substitute(L: list[list[Scalar]], inverse: list[Scalar], b: list[Scalar], t
     for i in reversed(range(n)) if transposed else range(n):
         done = range(i + 1, n) if transposed else range(i)
         for j in done:
-            x[i] = x[i] - (L[j][i] if transposed else L[i][j]) * x[j]
-        x[i] = x[i] * inverse[i]
+            x[i] = lax.sub(x[i], lax.mul(L[j][i] if transposed else L[i][j], x[j]))
+        x[i] = lax.mul(x[i], inverse[i])
     return x
 
 
