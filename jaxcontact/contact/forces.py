@@ -12,7 +12,7 @@ from .. import linalg
 from ..complementarity import Direct, Lemke, Solution, Status, solve
 from ..dynamics import Contact, Delassus, State, Terms, terms, whitened
 from ..dynamics.numbers import is_concrete
-from ..dynamics.sound import Energy, energy_of, refuse_unsound
+from ..dynamics.sound import energy_of, refuse_unsound
 from .certificate import Certificate, certificate
 from .law import coefficients, stands_still
 from .mass import is_definite, stiffened, stiffening
@@ -99,9 +99,9 @@ def contact_forces(
     method = _cheapest(mechanism.contacts) if method is None else method
     if not is_concrete((mechanism, state, mu)):
         return _forces(mechanism, state, mu, method, certified)[0]
-    forces, seen = _forces(mechanism, state, mu, method, certified)
-    if int(forces.status) == Status.BAD_INPUT or any(map(float, seen.energy)):
-        refuse_unsound(mechanism, state, seen, seen.energy)
+    forces, seen, energy = _forces_eagerly(mechanism, state, mu, method, certified)
+    if int(forces.status) == Status.BAD_INPUT or any(map(float, energy)):
+        refuse_unsound(mechanism, state, seen, energy)
         raise ValueError(f"{type(mechanism).__name__}: the numbers at this state overflow; choose other units")
     return forces
 
@@ -111,7 +111,7 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
     return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
 
 
-_terms = jax.jit(terms)  # needed with and without derivatives, traced once
+_terms = jax.jit(linalg.fused(terms))  # needed with and without derivatives, traced once
 
 
 class Seen(NamedTuple):
@@ -119,8 +119,12 @@ class Seen(NamedTuple):
 
     terms: Terms
     L: Array
-    energy: Energy
-    """numbers other than zero are misuse"""
+
+
+@partial(jax.jit, static_argnames=("method", "certified"))
+def _forces_eagerly(mechanism: Any, state: State, mu: Array, method: Any, certified: bool):
+    """The forces, and for the door what is seen and what is wrong with the kinetic energy."""
+    return *_forces(mechanism, state, mu, method, certified), energy_of(mechanism, state.q)
 
 
 @partial(jax.jit, static_argnames=("method", "certified"))
@@ -135,8 +139,9 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     operators = whitened(stiffened(parts, contacts, jnp.where(clear, gamma, 0)), contacts)
     found = sliding(operators, friction)
     solution = None if found.problem is None else solve(found.problem, method)
-    normal, a = _accelerated(operators, friction, found, solution)
-    looked = _looked_at(*lax.stop_gradient((parts, operators, friction, found, normal, a)))
+    free = linalg.solve_lower(operators.L, operators.terms.F)
+    normal, a = _accelerated(operators, free, friction, found, solution)
+    looked = _looked_at(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
     reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = jnp.where(clear, _status(looked, solution), reason)
     forces = _judged(contacts, friction, looked, solution, normal, a, status)
@@ -160,7 +165,7 @@ def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Ar
     parts = without_idle_directions(_terms(mechanism, state), still)
     zero = jnp.zeros((), state.q.dtype)
     gamma, massive = linalg.where_needed(~regular, lambda p: stiffening(p, contacts), (zero, regular), parts)
-    seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan), energy_of(mechanism, state.q))
+    seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan))
     return seen, still, gamma, massive & sound
 
 
@@ -169,16 +174,15 @@ def _differentiable_where(clear: Array, tree: Any) -> Any:
     return jax.tree.map(lambda x: jnp.where(clear, x, lax.stop_gradient(x)), tree)
 
 
-def _accelerated(operators: Delassus, friction: Array, found: Sliding, solution: Solution | None):
-    """Normal forces (m,) and accelerations (n,): L^T a = N lambda - D |lambda| - L^-1 F."""
+def _accelerated(operators: Delassus, free: Array, friction: Array, found: Sliding, solution: Solution | None):
+    """Normal forces (m,) and accelerations (n,): L^T a = N lambda - D |lambda| - L^-1 F; free = L^-1 F."""
     remaining = friction[:0]
     if solution is not None:
         remaining = with_sign(operators.contacts, solution.z, solution.w)
         remaining = jnp.where(solution.answered, remaining, 0)  # NaN would reach the derivatives of other lanes
     normal = normal_forces(operators, friction, found, remaining)
     pushes = operators.N * normal[None, :] - operators.T * (friction * jnp.abs(normal))[None, :]
-    alpha = jnp.sum(pushes, axis=1) - linalg.solve_lower(operators.L, operators.terms.F)
-    return normal, linalg.solve_lower_transposed(operators.L, alpha)
+    return normal, linalg.solve_lower_transposed(operators.L, jnp.sum(pushes, axis=1) - free)
 
 
 class Looked(NamedTuple):
@@ -193,17 +197,18 @@ class Looked(NamedTuple):
     """bool: W - Wt D is positive definite for all signs of the forces"""
 
 
-def _looked_at(parts: Terms, operators: Delassus, friction, found: Sliding, normal, a) -> Looked:
+def _looked_at(parts: Terms, operators: Delassus, free, friction, found: Sliding, normal, a) -> Looked:
     """`Looked`, in a few loops over a batch."""
     contacts = operators.contacts
 
-    def measured(parts, operators, friction, found, normal, a):
-        load = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
+    def measured(parts, operators, free, friction, found, normal, a):
+        load = length_of(free[:, None])[0]
         motion = Motion(a, normal, -friction * jnp.abs(normal), friction, length_of(operators.N), load)
         misses, unique = residuals(contacts, parts, motion), _certified(found.N, found.D)
         return Looked(misses, found.span.deficient, contradiction(operators, found), unique)
 
-    return linalg.packed(measured)(parts, operators, friction, found._replace(problem=None), normal, a)
+    operators, found = replace(operators, L=None, terms=None), found._replace(problem=None)  # not needed
+    return linalg.packed(measured)(parts, operators, free, friction, found, normal, a)
 
 
 def _status(looked: Looked, solution: Solution | None) -> Array:

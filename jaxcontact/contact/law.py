@@ -36,6 +36,7 @@ def coefficients(contacts: tuple[Contact, ...], mu, dtype) -> Array:
         )
     if is_concrete(mu):
         _refuse(contacts, np.asarray(mu), rough)
+        return jnp.asarray(np.where(rough, mu, 0), dtype)  # nothing to compile
     sound = (mu >= 0) & (mu < jnp.inf)
     return jnp.where(rough, jnp.where(sound, mu, jnp.nan), 0.0).astype(dtype)
 
@@ -51,8 +52,10 @@ def signs(contacts: tuple[Contact, ...], xi, dtype) -> Array:
     xi = as_float_array("xi", xi)
     if xi.shape != (m,):
         raise ValueError(f"xi must have one entry per contact, shape ({m},), got shape {xi.shape}")
-    if is_concrete(xi) and (rough & ~(np.abs(np.asarray(xi)) == 1)).any():
-        raise ValueError(f"xi holds the signs of the slips, -1 or 1 at frictional contacts; got {xi}")
+    if is_concrete(xi):
+        if (rough & ~(np.abs(np.asarray(xi)) == 1)).any():
+            raise ValueError(f"xi holds the signs of the slips, -1 or 1 at frictional contacts; got {xi}")
+        return jnp.asarray(np.where(rough, xi, 0), dtype)
     return jnp.where(rough, jnp.where(jnp.abs(xi) == 1, xi, jnp.nan), 0.0).astype(dtype)
 
 

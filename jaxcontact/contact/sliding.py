@@ -105,6 +105,8 @@ def contradiction(operators: Delassus, found: Sliding) -> Array:
     """bool: y = w_e - N_e^T x, x = (N_e^+)^T w_e, proves that no acceleration satisfies the linear constraints, as
     G_e y = 0 yet w_e^T y = |y|^2 + x^T N_e y > 0, beyond the rounding of N_e y."""
     kinds = sort_contacts(operators.contacts)
+    if not kinds.linear:
+        return jnp.zeros((), bool)
     N, w = select_columns(operators.N, kinds.linear), select(operators.w, kinds.linear)
     x = _load(found.span, operators, kinds)
     y = w - linalg.gram(N, x)

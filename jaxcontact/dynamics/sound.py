@@ -31,7 +31,8 @@ def energy_of(mechanism: Any, q: Array) -> Energy:
     if hasattr(mechanism, "mass_matrix"):
         return Energy(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype))
     v = jnp.arange(1, len(q) + 1, dtype=q.dtype)
-    at_rest, there, back = (mechanism.kinetic_energy(q, u) for u in (jnp.zeros_like(q), v, -v))
+    energy = jax.jit(lambda v: mechanism.kinetic_energy(q, v))  # traced once
+    at_rest, there, back = map(energy, (jnp.zeros_like(q), v, -v))
     beyond = jnp.abs(there - back) > float(jnp.finfo(q.dtype).eps) ** 0.5 * (jnp.abs(there) + jnp.abs(back))
     return Energy(at_rest, jnp.where(beyond, there - back, 0))
 
