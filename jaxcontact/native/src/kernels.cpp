@@ -59,6 +59,7 @@ inline void with_stride(int stride, Body body) {
   if (stride == 2 * W) return body(std::integral_constant<int, 2 * W>{});
   if (stride == 3 * W) return body(std::integral_constant<int, 3 * W>{});
   if (stride == 4 * W) return body(std::integral_constant<int, 4 * W>{});
+  if (stride == 5 * W) return body(std::integral_constant<int, 5 * W>{});
   if constexpr (W < 8) {
     if (stride == 6 * W) return body(std::integral_constant<int, 6 * W>{});
     if (stride == 8 * W) return body(std::integral_constant<int, 8 * W>{});

@@ -23,14 +23,33 @@ inline int narrow(const Real* ratio, char* tied, int m) {
   return count;
 }
 
-// The row that leaves as `column` enters by its fall, -1 where nothing blocks. work.tied: the candidates.
+// The row that leaves as `column` (in whole groups) enters by its fall, -1 where nothing blocks: it falls by more
+// than `floor` in the rows that take part.
 template <class Real>
-inline int leaving_row(Workspace<Real>& work, const Real* column, const Real* T, int stride) {
+inline int leaving_row(Workspace<Real>& work, const Real* column, Real floor, const Real* T, int stride) {
+  using V = Lanes<Real>;
+  constexpr int W = Format<Real>::width;
   const int m = work.m;
   char* tied = work.tied.data();
   Real* ratio = work.ratio.data();
-  for (int i = 0; i < m; ++i) ratio[i] = tied[i] ? work.values[i] / column[i] : infinity<Real>;
-  int count = narrow(ratio, tied, m);
+  V low = all(infinity<Real>);
+  for (int i = 0; i < m; i += W) {
+    const V fall = lanes_at(column + i);
+    const auto candidate = fall > floor;
+    const V own = candidate ? lanes_at(&work.values[i]) / (candidate ? fall : V{} + 1) : all(infinity<Real>);
+    put(own, ratio + i);
+    low = smaller(own, low);
+  }
+  const Real least = smallest_lane(low), limit = least + LemkeRules::tie<Real> * (1 + size_of(least));
+  int count = 0, first = 0;
+  for (int i = 0; i < m; i += W) {
+    const unsigned here = lane_bits<Real>(lanes_at(ratio + i) <= limit);
+    if (here && !count) first = i + __builtin_ctz(here);
+    count += __builtin_popcount(here);
+  }
+  if (count == 1 && least < infinity<Real>) return first;
+  for (int i = 0; i < m; ++i) tied[i] = column[i] > floor;
+  count = narrow(ratio, tied, m);
   for (int i = 0; i < m; ++i)
     if (tied[i] && work.basic[i] == 2 * m) return i;  // the artificial variable wins any tie
   for (int j = 0; j < m && count > 1; ++j) {
@@ -54,6 +73,7 @@ inline int leaving_row(Workspace<Real>& work, const Real* column, const Real* T,
 template <int S, class Real>
 void lemke(const Real* M, const Real* q, const Real* covering, int budget, Workspace<Real>& work, Real* z,
            Real* certificate, int* outcome, int* steps) {
+  using V = Lanes<Real>;
   const int m = work.m, stride = S ? S : work.stride;
   Real *T = work.T.data(), *values = work.values.data(), *column = work.miss.data();
   const Units units = scaled<S>(M, q, m, stride, work.rows.data(), work.unit.data(), work.M.data(), work.q.data());
@@ -83,8 +103,8 @@ void lemke(const Real* M, const Real* q, const Real* covering, int budget, Works
   };
 
   if (!trivial) {  // the artificial variable enters for the most violated row
-    for (int i = 0; i < m; ++i) work.tied[i] = 1, column[i] = T[i * stride + m];
-    const int leaving = leaving_row(work, column, T, stride);
+    for (int i = 0; i < m; ++i) column[i] = T[i * stride + m];
+    const int leaving = leaving_row(work, column, Real(0), T, stride);
     if (leaving >= 0)
       take(leaving);  // else q is not a number
     else
@@ -92,10 +112,14 @@ void lemke(const Real* M, const Real* q, const Real* covering, int budget, Works
   }
   while (*outcome == MAX_STEPS && count < budget) {
     ++count;
-    for (int i = 0; i < m; ++i) column[i] = -T[i * stride + entering];
-    const Real floor = LemkeRules::pivot<Real> * largest_of(column, stride);
-    for (int i = 0; i < m; ++i) work.tied[i] = column[i] > floor;
-    const int leaving = leaving_row(work, column, T, stride);
+    V most{};
+    for (int i = 0; i < m; i += Format<Real>::width) {
+      const V fall = -strided(T + i * stride + entering, stride);
+      put(fall, column + i);
+      most = larger(most, size_of(fall));
+    }
+    const Real floor = LemkeRules::pivot<Real> * largest_lane(most);
+    const int leaving = leaving_row(work, column, floor, T, stride);
     if (leaving >= 0)
       take(leaving);
     else
