@@ -183,7 +183,11 @@ inline Lanes<Real> strided(const Real* x, int stride) {
 // In lane i number at(i, width) of two groups in a row.
 template <class V, class At, int... i>
 inline V shuffled(V a, V b, At at, std::integer_sequence<int, i...>) {
+#if defined(__clang__) || __GNUC__ >= 12
   return __builtin_shufflevector(a, b, at(i, int(sizeof...(i)))...);
+#else
+  return __builtin_shuffle(a, b, decltype(a < b){at(i, int(sizeof...(i)))...});
+#endif
 }
 
 template <class V, class At>
