@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from ..linalg.program import Program
+from ..linalg.program import Program, units
 from ..linalg.unrolled import entries, in_a_row, row_of
 from .records import State
 
@@ -65,31 +65,31 @@ def terms(mechanism: Any, state: State) -> Terms:
     gaps = Program.of(_gaps(mechanism), q, t)
     place, motion = [*at, t], [*moving, jnp.ones_like(t)]
     energy = None if hasattr(mechanism, "mass_matrix") and state.at_rest else Program.of(_energy(mechanism), q, v)
+    momentum = None if energy is None else energy.gradient(len(at))
     slip, H = _slip(mechanism, q, v)
     return Terms(
-        M=_mass_matrix(mechanism, q, energy),
-        F=_bias(mechanism, q, v, t, None if state.at_rest else energy),
+        M=_mass_matrix(mechanism, q, momentum),
+        F=_bias(mechanism, q, v, t, None if state.at_rest else energy, momentum),
         G=_gap_gradients(mechanism, q, gaps, place),
         H=H,
         c=_gap_curvature(mechanism, q, v, state.at_rest, gaps, place, motion),
         slip=slip,
         gap=_row(gaps(place), q),
-        gap_rate=_row(gaps.derivative(place, motion), q),
+        gap_rate=_row(gaps.derivative(place + motion), q),
     )
 
 
-def _mass_matrix(mechanism, q: Array, energy: Program | None) -> Array:
+def _mass_matrix(mechanism, q: Array, momentum: Program | None) -> Array:
     """M, whose i-th row is dT/dv at the i-th unit velocity, T being quadratic in v; the lower triangle is the upper one
     mirrored."""
     n = q.shape[0]
     if hasattr(mechanism, "mass_matrix"):
         return _shaped(mechanism, "mass_matrix", mechanism.mass_matrix(q), (n, n))
-    here, unit = energy.given(in_a_row(q)), np.eye(n, dtype=q.dtype)
-    entry = {(i, j): here.partial(j, list(unit[i]))[0] for i in range(n) for j in range(i, n)}
-    return _rows([[entry[min(i, j), max(i, j)] for j in range(n)] for i in range(n)], q)
+    momenta = momentum.given(in_a_row(q)).at(units(in_a_row(q)))
+    return _rows([[momenta[min(i, j)][max(i, j)] for j in range(n)] for i in range(n)], q)
 
 
-def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None) -> Array:
+def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None, momentum: Program | None) -> Array:
     """F = d/dt(dT/dv) - dT/dq + dV/dq - Q at zero acceleration; at rest, where no T is given, only dV/dq - Q is left,
     T being quadratic in v."""
     n = q.shape[0]
@@ -97,7 +97,7 @@ def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None) -> Ar
         return _shaped(mechanism, "bias", mechanism.bias(q, v, t), (n,))
     bias = jnp.zeros_like(q)
     if energy is not None:
-        bias = bias + _inertial_bias(q, v, energy)
+        bias = bias + _inertial_bias(q, v, energy, momentum)
     if hasattr(mechanism, "potential_energy"):
         potential = Program.of(lambda p: _shaped(mechanism, "potential_energy", mechanism.potential_energy(p), ()), q)
         bias = bias + _row([slope for (slope,) in potential.partials(in_a_row(q), n)], q)
@@ -106,15 +106,11 @@ def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None) -> Ar
     return bias
 
 
-def _inertial_bias(q: Array, v: Array, energy: Program) -> Array:
+def _inertial_bias(q: Array, v: Array, energy: Program, momentum: Program) -> Array:
     """d/dt (dT/dv_i) along q' = v, minus dT/dq_i: Coriolis and centrifugal terms."""
-    n, at, moving = q.shape[0], in_a_row(q), in_a_row(v)
-
-    def momentum(*at):
-        return [energy.partial(n + i, [*at, *moving])[0] for i in range(n)]
-
-    _, rate = jax.jvp(momentum, tuple(at), tuple(moving))
-    return _row([change - slope for change, (slope,) in zip(rate, energy.partials([*at, *moving], n))], q)
+    n, here, moving = q.shape[0], in_a_row(q) + in_a_row(v), in_a_row(v)
+    rates = momentum.derivative(here + moving + [np.zeros((), q.dtype)[()]] * n)
+    return _row([rate - slope for rate, (slope,) in zip(rates, energy.partials(here, n))], q)
 
 
 def _gap_gradients(mechanism, q: Array, gaps: Program, place: list[Array]) -> Array:
@@ -133,7 +129,8 @@ def _gap_curvature(
         return _shaped(mechanism, "gap_curvature", mechanism.gap_curvature(q, v), (contacts,))
     if at_rest and not _driven(mechanism):
         return jnp.zeros((contacts,), q.dtype)
-    return _row(jax.jvp(lambda *x: gaps.derivative(list(x), motion), tuple(place), tuple(motion))[1], q)
+    steady = [jnp.zeros_like(x) for x in motion]
+    return _row(gaps.derivative.derivative(place + 2 * motion + steady), q)
 
 
 def _slip(mechanism, q: Array, v: Array) -> tuple[Array, Array]:

@@ -1,9 +1,10 @@
 """A function of a few vectors as a program on scalars, traced once and then evaluated and differentiated many times."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 from jax.extend import core
 
 from jaxcontact.linalg.reader import Reader
@@ -14,50 +15,74 @@ from jaxcontact.linalg.unrolled import Scalar, in_a_row
 class Program:
     """What a function computes, on scalars: the entries of its arguments in, the entries of its one result out.
 
-    Its Python runs once, and zeros, ones and repetitions are gone before anything is differentiated.
+    Its Python runs once. Zeros, ones and repetitions fall away before it is differentiated and again where its scalars
+    are constants, of numpy, so that the derivative along a unit vector costs what depends on that one scalar.
 
-    >>> Program.of(lambda x: x * x, x).partial(0, in_a_row(x))  # [2 * x[0], 0]
+    >>> Program.of(lambda x: x * x, x).partials(in_a_row(x), 1)  # [[2 * x[0], 0]]
     """
 
-    def __init__(self, closed: core.ClosedJaxpr):
-        self._closed = closed
+    def __init__(self, program: core.Jaxpr, constants: Sequence):
+        self._program, self._constants = program, constants
 
     @classmethod
     def of(cls, function: Callable, *arguments: jax.Array) -> "Program":
         """The program of function(*arguments)."""
         traced = jax.make_jaxpr(function)(*arguments)
 
-        def on_scalars(scalars):
+        def on_scalars(*scalars):
             rest, inputs = list(scalars), []
             for x in arguments:
                 inputs.append(Entries(x.shape, x.dtype, rest[: x.size]))
                 rest = rest[x.size :]
-            (result,) = Reader(False, read_again=True).run(traced.jaxpr, traced.consts, inputs)
-            return [jnp.asarray(entry, result.dtype) for entry in entries_of(result).flat]
+            (result,) = _reader().run(traced.jaxpr, traced.consts, inputs)
+            return entries_of(result).flat
 
-        scalars = [entry for x in arguments for entry in in_a_row(x)]
-        return cls(jax.make_jaxpr(on_scalars)(scalars))
+        return cls._traced(on_scalars, [entry for x in arguments for entry in in_a_row(x)])
+
+    @classmethod
+    def _traced(cls, function: Callable, scalars: Sequence) -> "Program":
+        closed = jax.make_jaxpr(function)(*scalars)
+        return cls(closed.jaxpr, closed.consts)
+
+    @property
+    def _inputs(self) -> list[jax.ShapeDtypeStruct]:
+        return [jax.ShapeDtypeStruct((), v.aval.dtype) for v in self._program.invars]
 
     def __call__(self, scalars: list[Scalar]) -> list[Scalar]:
         """The entries of the result."""
-        return core.jaxpr_as_fun(self._closed)(*scalars)
+        return self.at([scalars])[0]
 
-    def derivative(self, scalars: list[Scalar], direction: list[Scalar]) -> list[Scalar]:
-        """The derivatives of the entries along a direction."""
-        return jax.jvp(lambda *x: self(x), tuple(scalars), tuple(direction))[1]
+    def at(self, points: list[list[Scalar]]) -> list[list[Scalar]]:
+        """The entries of the result at several points; what these have in common is computed once."""
+        reader = _reader()
+        results = [reader.run(self._program, self._constants, list(map(_entry, point))) for point in points]
+        return [[entries_of(x).flat[0] for x in result] for result in results]
 
-    def partial(self, i: int, scalars: list[Scalar]) -> list[Scalar]:
-        """The derivatives of the entries in the i-th scalar."""
-        x = scalars[i]
-        return jax.jvp(lambda x: self([*scalars[:i], x, *scalars[i + 1 :]]), (x,), (jnp.ones_like(x),))[1]
+    @cached_property
+    def derivative(self) -> "Program":
+        """The program that takes scalars and a direction to the derivatives of the entries."""
+        count = len(self._inputs)
+
+        def along(*both):
+            return jax.jvp(lambda *x: self(x), both[:count], both[count:])[1]
+
+        return self._traced(along, self._inputs * 2)
+
+    def gradient(self, first: int) -> "Program":
+        """The program of the derivatives of the one entry in the scalars from the `first` on."""
+
+        def slopes(*scalars):
+            return [slope for (slope,) in self.derivative.given(scalars).at(units(self._inputs)[first:])]
+
+        return self._traced(slopes, self._inputs)
 
     def partials(self, scalars: list[Scalar], count: int) -> list[list[Scalar]]:
         """The derivatives in each of the first `count` scalars."""
-        return [self.partial(i, scalars) for i in range(count)]
+        return self.derivative.given(scalars).at(units(scalars)[:count])
 
     def given(self, scalars: list[Scalar]) -> "Program":
         """The program of the remaining arguments, the first ones given: what depends on these alone is computed now."""
-        program, values = self._closed.jaxpr, list(self._closed.consts)
+        program = self._program
         known = [*program.constvars, *program.invars[: len(scalars)]]
         found, now, later = set(known), [], []
         for step in program.eqns:
@@ -70,5 +95,18 @@ class Program:
         carried = list(dict.fromkeys(v for v in needed if not isinstance(v, core.Literal) and v in found))
         first = program.replace(constvars=[], invars=known, outvars=carried, eqns=now)
         rest = program.replace(constvars=carried, invars=program.invars[len(scalars) :], eqns=later)
-        carried = core.jaxpr_as_fun(core.ClosedJaxpr(first, []))(*values, *scalars)
-        return Program(core.ClosedJaxpr(rest, carried))
+        return Program(rest, _reader().run(first, [], [*self._constants, *map(_entry, scalars)]))
+
+
+def units(scalars: list[Scalar]) -> list[list[np.generic]]:
+    """The unit vectors of as many numbers, as constants."""
+    return [list(row) for row in np.eye(len(scalars), dtype=scalars[0].dtype)] if scalars else []
+
+
+def _reader() -> Reader:
+    return Reader(False, read_again=True)
+
+
+def _entry(x: Scalar) -> Entries:
+    """A scalar for the reader; one of numpy is a constant."""
+    return Entries((), x.dtype, [x])
