@@ -2,8 +2,8 @@
 
 For a singular matrix it is the inverse of a largest regular block, padded with zeros: K G K = K up to rounding. The
 block is that of Gauss-Jordan elimination with complete pivoting, where pivots far below the size of the (balanced)
-matrix count as zero. Two by two is a closed form; a larger matrix goes to the library first, and is eliminated only
-where its condition leaves the rank in doubt.
+matrix count as zero. Two by two is a closed form. A larger matrix, or a batch of them, goes to the library first, and is
+eliminated only where its condition leaves the rank in doubt; a small one by itself is eliminated at once.
 """
 
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.custom_batching import custom_vmap
 
 from jaxcontact import linalg
 from jaxcontact.complementarity.scaling import exponent, power_of_two
@@ -57,7 +58,8 @@ def analysed_inverse(K):
     if n == 0:
         return Inverse(K, jnp.zeros((), jnp.int32), jnp.ones((), K.dtype))
     B, rows, columns = balanced(K)
-    G, rank = _closed(B) if n <= CLOSED else _eliminated_if_needed(B)
+    found = _closed if n <= CLOSED else _eliminated_alone if n <= ELIMINATED else _eliminated_if_needed
+    G, rank = found(B)
     condition = _row_sum_norm(B) * _row_sum_norm(G)
     return Inverse(columns[:, None] * G * rows[None, :], n - rank, condition)
 
@@ -82,6 +84,10 @@ def balanced(K):
 CLOSED = 2
 """Largest size with a closed form."""
 
+ELIMINATED = 8
+"""Largest size that is eliminated at once: the library would not be quicker, and its first call in a process takes
+0.2 s, in which JAX loads LAPACK."""
+
 
 def _closed(B):
     """(inverse, rank) of one or two rows, by the same rule as the elimination: the second pivot is the determinant,
@@ -105,6 +111,17 @@ def _closed(B):
     G = [jnp.where(regular, scale * x, y) for x, y in zip(full, part, strict=True)]
     rank = jnp.where(regular, 2, single.astype(jnp.int32)).astype(jnp.int32)
     return jnp.stack([jnp.stack(G[:2]), jnp.stack(G[2:])]), rank
+
+
+@custom_vmap
+def _eliminated_alone(B):
+    """(inverse, rank) by elimination; of a batch as below, which is quicker there."""
+    return _gauss_jordan(B)
+
+
+@_eliminated_alone.def_vmap
+def _(size, batched, B):
+    return jax.vmap(_eliminated_if_needed)(B), (True, True)
 
 
 def _eliminated_if_needed(B):
