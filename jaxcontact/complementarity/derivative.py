@@ -26,7 +26,7 @@ from jaxcontact.complementarity.inverse import inverse
 from jaxcontact.complementarity.problems import LCP, MLCP, AbsoluteValueEquation, BoxedLCP, HorizontalLCP
 from jaxcontact.complementarity.residuals import classify
 from jaxcontact.complementarity.short import dot
-from jaxcontact.linalg import all_finite
+from jaxcontact.linalg import all_finite, where
 
 AT_A_KINK = 0.5
 """d_i at a degenerate pair: halfway between contact held and contact open."""
@@ -88,17 +88,17 @@ def attach(problem, free, z, w, weight=None, finite=None):
     if finite is None:
         finite = all_finite(*form, free, z, w)
     harmless = _harmless(form)
-    form = jax.tree.map(lambda part, safe: jnp.where(finite, part, safe), form, harmless)
-    inner = [jnp.where(finite, part, 0) for part in (free, z, w)]
+    form = jax.tree.map(lambda part, safe: where(finite, part, safe), form, harmless)
+    inner = [where(finite, part, 0) for part in (free, z, w)]
     if weight is None:
         weight = weights(*classify(lax.stop_gradient(problem), lax.stop_gradient(form), inner[1], inner[2]), z.dtype)
     outer = _attached(form, weight, *inner)
-    return tuple(jnp.where(finite, part, given) for part, given in zip(outer, (free, z, w), strict=True))
+    return tuple(where(finite, part, given) for part, given in zip(outer, (free, z, w), strict=True))
 
 
 def weights(active, degenerate, dtype):
     """(m,) d: 1 where a pair is active, 0 where it is open, AT_A_KINK where it is degenerate."""
-    return jnp.where(degenerate, AT_A_KINK, active.astype(dtype)).astype(dtype)
+    return where(degenerate, AT_A_KINK, active.astype(dtype)).astype(dtype)
 
 
 def _harmless(form):

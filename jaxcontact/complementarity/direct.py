@@ -19,7 +19,7 @@ from jaxcontact.complementarity.pairs import Pairs, best_of_pairs
 from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.scaling import exponent, power_of_two, scaled
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import as_one, from_one, fused, walled
+from jaxcontact.linalg import as_one, from_one, fused, walled, where
 
 LARGEST = 4
 """More contacts have more modes than straight code should list."""
@@ -81,7 +81,7 @@ class Direct:
 
     def read(self, problem: LCP, state: Best):
         """The best candidate; if it does not solve the problem, none does."""
-        outcome = jnp.where(state.none, int(Status.NO_SOLUTION), int(Status.INACCURATE)).astype(jnp.int32)
+        outcome = where(state.none, int(Status.NO_SOLUTION), int(Status.INACCURATE)).astype(jnp.int32)
         return Answer(state.z, outcome, hopeless_row(problem))
 
     def of_pairs(self, P, N, q) -> Pairs:
@@ -108,8 +108,8 @@ def _best(M, q):
     for candidate in _vertices(M, q):
         violation = _violation(M, q, candidate)
         better = violation < least
-        best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
-        least = jnp.where(better, violation, least)
+        best = [where(better, new, old) for new, old in zip(candidate, best, strict=True)]
+        least = where(better, violation, least)
     return as_one(list(data.unscale(jnp.stack(best))))
 
 
@@ -153,4 +153,4 @@ def _held(x):
 
 def _quotient(a, b):
     """a / b, and zero where b is zero: z = 0 is a candidate anyway."""
-    return jnp.where(b == 0, 0, a / jnp.where(b == 0, 1, b))
+    return where(b == 0, 0, a / where(b == 0, 1, b))

@@ -92,7 +92,7 @@ def _enumerated(problem):
     modes = jnp.array(list(product((False, True), repeat=m)), bool).reshape(2**m, m)
     free, z, w, holds, family, doubt, radius = jax.vmap(lambda mode: _solved_mode(fixed, form, mode))(modes)
     valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
-    point = [jnp.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
+    point = [linalg.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
     free, z, w = jax.vmap(lambda *part: attach(problem, *part))(*point)
     return AllSolutions(
         free=free,
@@ -113,14 +113,14 @@ def _solved_mode(problem, form, mode):
     found = analysed_inverse(K)
     x = -dot(found.matrix, form.q)
     x = x - dot(found.matrix, dot(K, x) + form.q)
-    sign = jnp.concatenate([jnp.zeros(k, x.dtype), jnp.where(mode, 1, -1).astype(x.dtype)])
+    sign = jnp.concatenate([jnp.zeros(k, x.dtype), linalg.where(mode, 1, -1).astype(x.dtype)])
     kernel = _kernel(K, found)
     heights = linalg.greatest(jnp.abs(kernel), axis=0, initial=0)
-    line = jnp.sum(jnp.where(first(heights == linalg.greatest(heights, initial=0))[None, :], kernel, 0), axis=1)
+    line = jnp.sum(linalg.where(first(heights == linalg.greatest(heights, initial=0))[None, :], kernel, 0), axis=1)
     shift, _ = _stretch(sign * x, sign * line)
-    x = jnp.where(found.deficiency == 1, x + shift * line, x)
+    x = linalg.where(found.deficiency == 1, x + shift * line, x)
     size = jnp.maximum(sign * x, 0)[k:]
-    free, z, w = x[:k], jnp.where(mode, size, 0), jnp.where(mode, 0, size)
+    free, z, w = x[:k], linalg.where(mode, size, 0), linalg.where(mode, 0, size)
     eps = jnp.finfo(x.dtype).eps
     terms = linalg.greatest(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
@@ -144,8 +144,8 @@ def _kernel(K, found):
     n = K.shape[0]
     kernel = jnp.eye(n, dtype=K.dtype) - dot(found.matrix, K)
     floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * linalg.greatest(jnp.abs(kernel), axis=0, initial=0)
-    kernel = jnp.where(jnp.abs(kernel) > floor[None, :], kernel, 0)
-    return jnp.where(found.deficiency > 0, kernel, 0)
+    kernel = linalg.where(jnp.abs(kernel) > floor[None, :], kernel, 0)
+    return linalg.where(found.deficiency > 0, kernel, 0)
 
 
 def _stretch(y, line):
@@ -153,14 +153,14 @@ def _stretch(y, line):
     relative to the numbers that enter it, negative if there is none. Entries where line is zero play no part. Along the
     first axis; further axes of `line` hold other lines."""
     rising, falling = line > 0, line < 0
-    at = -y / jnp.where(line == 0, 1, line)
-    low = linalg.greatest(jnp.where(rising, at, -jnp.inf), 0, initial=-jnp.inf)
-    high = linalg.least(jnp.where(falling, at, jnp.inf), 0, initial=jnp.inf)
-    t = jnp.where(jnp.isfinite(low), low, jnp.where(jnp.isfinite(high), high, 0))
+    at = -y / linalg.where(line == 0, 1, line)
+    low = linalg.greatest(linalg.where(rising, at, -jnp.inf), 0, initial=-jnp.inf)
+    high = linalg.least(linalg.where(falling, at, jnp.inf), 0, initial=jnp.inf)
+    t = linalg.where(jnp.isfinite(low), low, linalg.where(jnp.isfinite(high), high, 0))
     steepest = linalg.greatest(jnp.abs(line), 0, initial=0)
-    size = linalg.greatest(jnp.where(line == 0, 0, jnp.abs(at)), 0, initial=0)
-    size = jnp.maximum(size, linalg.greatest(jnp.abs(y), 0, initial=0) / jnp.where(steepest > 0, steepest, 1))
-    return t, jnp.where(high - low > 0, (high - low) / jnp.where(size > 0, size, 1), -1)
+    size = linalg.greatest(linalg.where(line == 0, 0, jnp.abs(at)), 0, initial=0)
+    size = jnp.maximum(size, linalg.greatest(jnp.abs(y), 0, initial=0) / linalg.where(steepest > 0, steepest, 1))
+    return t, linalg.where(high - low > 0, (high - low) / linalg.where(size > 0, size, 1), -1)
 
 
 def _repeats(problem, form, point, holds, radius):
@@ -169,7 +169,7 @@ def _repeats(problem, form, point, holds, radius):
     _, z, w = point
     rows = jnp.concatenate([z * scale_z[None, :], w * scale_w[None, :]], axis=1)
     order = jnp.arange(rows.shape[0])
-    size = linalg.greatest(jnp.abs(jnp.where(holds[:, None], rows, 0)), axis=1, initial=0)
+    size = linalg.greatest(jnp.abs(linalg.where(holds[:, None], rows, 0)), axis=1, initial=0)
     cap = jnp.finfo(rows.dtype).eps ** FURTHEST
 
     def repeated(i):

@@ -2,8 +2,8 @@
 
 For a singular matrix it is the inverse of a largest regular block, padded with zeros: K G K = K up to rounding. The
 block is that of Gauss-Jordan elimination with complete pivoting, where pivots far below the size of the (balanced)
-matrix count as zero. Two by two is a closed form. A larger matrix, or a batch of them, goes to the library first, and is
-eliminated only where its condition leaves the rank in doubt; a small one by itself is eliminated at once.
+matrix count as zero. Two by two is a closed form. A larger matrix, or a batch of them, goes to the library first, and
+is eliminated only where its condition leaves the rank in doubt; a small one by itself is eliminated at once.
 """
 
 from typing import NamedTuple
@@ -68,7 +68,7 @@ def condition_number(K):
     """|K| |K^-1| of the balanced K (n, n), for when nothing else is asked: infinite or NaN where K is singular."""
     if K.shape[0] <= CLOSED:
         found = analysed_inverse(K)
-        return jnp.where(found.deficiency > 0, jnp.inf, found.condition)
+        return linalg.where(found.deficiency > 0, jnp.inf, found.condition)
     B = balanced(K)[0]
     return _row_sum_norm(B) * _row_sum_norm(jnp.linalg.inv(B))
 
@@ -97,19 +97,19 @@ def _closed(B):
     pivot = largest(B)
     single = pivot > 0
     if n == 1:
-        return jnp.where(single, 1 / jnp.where(single, B, 1), 0), single.astype(jnp.int32)
+        return linalg.where(single, 1 / linalg.where(single, B, 1), 0), single.astype(jnp.int32)
     a, b, c, d = entries
     volume = det2(a, b, c, d)
     regular = jnp.abs(volume) > PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * pivot * pivot
-    scale = 1 / jnp.where(regular, volume, 1)
+    scale = 1 / linalg.where(regular, volume, 1)
     taken, alone = jnp.zeros((), bool), []
     for entry in entries:
         here = single & ~taken & (jnp.abs(entry) == pivot)
-        alone.append(jnp.where(here, 1 / jnp.where(here, entry, 1), 0))
+        alone.append(linalg.where(here, 1 / linalg.where(here, entry, 1), 0))
         taken = taken | here
     full, part = (d, -b, -c, a), (alone[0], alone[2], alone[1], alone[3])
-    G = [jnp.where(regular, scale * x, y) for x, y in zip(full, part, strict=True)]
-    rank = jnp.where(regular, 2, single.astype(jnp.int32)).astype(jnp.int32)
+    G = [linalg.where(regular, scale * x, y) for x, y in zip(full, part, strict=True)]
+    rank = linalg.where(regular, 2, single.astype(jnp.int32)).astype(jnp.int32)
     return jnp.stack([jnp.stack(G[:2]), jnp.stack(G[2:])]), rank
 
 
@@ -130,7 +130,7 @@ def _eliminated_if_needed(B):
     G = jnp.linalg.inv(B)
     clear = _row_sum_norm(B) * _row_sum_norm(G) < DOUBT / jnp.finfo(B.dtype).eps
     G = G + dot(G, jnp.eye(n, dtype=B.dtype) - dot(B, G))
-    return where_needed(~clear, _gauss_jordan, (jnp.where(clear, G, 0), jnp.int32(n)), B)
+    return where_needed(~clear, _gauss_jordan, (linalg.where(clear, G, 0), jnp.int32(n)), B)
 
 
 def _gauss_jordan(B):
@@ -141,28 +141,28 @@ def _gauss_jordan(B):
     carry = (B, free, free, jnp.zeros((n, n), B.dtype))
     T, _, _, pairing = lax.fori_loop(0, n, lambda _, c: _sweep(c, floor), carry)
     G, rank = dot(pairing.T, dot(T, pairing.T)), jnp.sum(pairing).astype(jnp.int32)
-    return jnp.where(rank == n, G + dot(G, jnp.eye(n, dtype=B.dtype) - dot(B, G)), G), rank
+    return linalg.where(rank == n, G + dot(G, jnp.eye(n, dtype=B.dtype) - dot(B, G)), G), rank
 
 
 def _sweep(carry, floor):
     """Exchange one row with one column at the largest entry left (Jordan exchange), or do nothing below the floor."""
     T, rows_free, columns_free, pairing = carry
-    size = jnp.where(rows_free[:, None] & columns_free[None, :], jnp.abs(T), -1)
+    size = linalg.where(rows_free[:, None] & columns_free[None, :], jnp.abs(T), -1)
     best = greatest(size, -1)
     across = linalg.greatest(size, axis=1)
     row = first(across == best)
-    column = first((linalg.greatest(jnp.where(row[:, None], size, -2), 0) == best) & columns_free)
+    column = first((linalg.greatest(linalg.where(row[:, None], size, -2), 0) == best) & columns_free)
     go = best > floor
-    pivot = jnp.where(go, jnp.sum(jnp.where(row[:, None] & column[None, :], T, 0)), 1)
-    pivot_row = jnp.sum(jnp.where(row[:, None], T, 0), axis=0)
-    pivot_column = jnp.sum(jnp.where(column[None, :], T, 0), axis=1)
+    pivot = linalg.where(go, jnp.sum(linalg.where(row[:, None] & column[None, :], T, 0)), 1)
+    pivot_row = jnp.sum(linalg.where(row[:, None], T, 0), axis=0)
+    pivot_column = jnp.sum(linalg.where(column[None, :], T, 0), axis=1)
     exchanged = T - pivot_column[:, None] * (pivot_row / pivot)[None, :]
-    exchanged = jnp.where(row[:, None], (pivot_row / pivot)[None, :], exchanged)
-    exchanged = jnp.where(column[None, :], -(pivot_column / pivot)[:, None], exchanged)
-    exchanged = jnp.where(row[:, None] & column[None, :], 1 / pivot, exchanged)
+    exchanged = linalg.where(row[:, None], (pivot_row / pivot)[None, :], exchanged)
+    exchanged = linalg.where(column[None, :], -(pivot_column / pivot)[:, None], exchanged)
+    exchanged = linalg.where(row[:, None] & column[None, :], 1 / pivot, exchanged)
     kept = rows_free & ~(row & go), columns_free & ~(column & go)
-    paired = pairing + jnp.where(row[:, None] & column[None, :] & go, 1, 0).astype(T.dtype)
-    return jnp.where(go, exchanged, T), *kept, paired
+    paired = pairing + linalg.where(row[:, None] & column[None, :] & go, 1, 0).astype(T.dtype)
+    return linalg.where(go, exchanged, T), *kept, paired
 
 
 def _row_sum_norm(A):

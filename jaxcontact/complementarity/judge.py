@@ -17,7 +17,7 @@ from jaxcontact.complementarity.problems import LCP
 from jaxcontact.complementarity.residuals import above_zero, classify, pair_scales, residuals, slack
 from jaxcontact.complementarity.short import SCALARS, counted, dot, largest
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import all_finite, in_chunks, packed, two_product, two_sum, walled, where_needed
+from jaxcontact.linalg import all_finite, in_chunks, packed, two_product, two_sum, walled, where, where_needed
 
 BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
 """SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
@@ -130,7 +130,7 @@ def _measured(problem, claim):
     eta, rho = _in_one(residuals, len(form.q))(problem, form, claim.free, claim.z, claim.w)
     active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
     tight = walled(analysed_inverse)(mode_matrix(form, (active | degenerate).astype(w.dtype)))
-    condition = jnp.where(tight.deficiency > 0, jnp.inf, tight.condition)
+    condition = where(tight.deficiency > 0, jnp.inf, tight.condition)
     return Findings(w, eta, rho, active, degenerate, condition, all_finite(*form), all_finite(claim.z, w, claim.free))
 
 
@@ -187,13 +187,13 @@ def _status(problem, claim, found, ask):
     if proved is None:
         doubtful, false = found.finite & ~solved, jnp.zeros((), bool)
         proved = where_needed(doubtful, _infeasible_somewhere, false, doubtful, problem, claim.certificate)
-    shaky = jnp.where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
-    good = jnp.where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
+    shaky = where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
+    good = where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
     close = eta <= jnp.finfo(dtype).eps ** DIGITS_OF_ABSENCE
-    reason = jnp.where(claims | (proposes & close), shaky, claim.outcome)
-    failed = jnp.where(proved, int(Status.INFEASIBLE), reason)
-    status = jnp.where(solved, good, failed)
-    return jnp.where(found.finite & (found.whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
+    reason = where(claims | (proposes & close), shaky, claim.outcome)
+    failed = where(proved, int(Status.INFEASIBLE), reason)
+    status = where(solved, good, failed)
+    return where(found.finite & (found.whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
 
 
 def _condition_at(problem, held):

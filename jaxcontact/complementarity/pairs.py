@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, balanced
 from jaxcontact.complementarity.scaling import exponent, power_of_two
-from jaxcontact.linalg import as_one, det2, from_one, fused, walled
+from jaxcontact.linalg import as_one, det2, from_one, fused, walled, where
 
 
 class Pairs(NamedTuple):
@@ -62,8 +62,8 @@ def _best(columns, load, rows, scales):
             candidate[j] = jnp.maximum(value, 0)
         violation = _violation(columns, candidate, load)
         better = sound & (violation < least)
-        best = [jnp.where(better, new, old) for new, old in zip(candidate, best, strict=True)]
-        least = jnp.where(better, violation, least)
+        best = [where(better, new, old) for new, old in zip(candidate, best, strict=True)]
+        least = where(better, violation, least)
     m = len(load)
     return as_one([best[j] * scales[j] - best[m + j] * scales[m + j] for j in range(m)])
 
@@ -96,7 +96,7 @@ def _violation(columns, y, load):
     miss = [jnp.abs(sum((y[j] * column[i] for j, column in enumerate(columns)), -load[i])) for i in range(m)]
     size = [sum((y[j] * jnp.abs(column[i]) for j, column in enumerate(columns)), jnp.abs(load[i])) for i in range(m)]
     most = _largest(size)
-    return _largest(miss) / jnp.where(most > 0, most, 1)
+    return _largest(miss) / where(most > 0, most, 1)
 
 
 def _separating(columns, load, rows, scales):
@@ -110,8 +110,8 @@ def _separating(columns, load, rows, scales):
         fits = [sum(a * b for a, b in zip(y, c, strict=True)) >= -rounding * _size(c) for c in columns]
         fall = sum(a * b for a, b in zip(y, load, strict=True))
         better = (fall < lowest) & jnp.stack(fits).all()
-        best = [jnp.where(better, new, old) for new, old in zip(y, best, strict=True)]
-        lowest = jnp.where(better, fall, lowest)
+        best = [where(better, new, old) for new, old in zip(y, best, strict=True)]
+        lowest = where(better, fall, lowest)
     return as_one([y * row for y, row in zip(best, rows, strict=True)])
 
 
@@ -134,4 +134,4 @@ def _largest(scalars):
 
 
 def _quotient(a, b):
-    return a / jnp.where(b == 0, 1, b)
+    return a / where(b == 0, 1, b)

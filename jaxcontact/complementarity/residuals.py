@@ -65,7 +65,7 @@ def stiffness(M):
 
     def of_rows(M):
         diagonal, side = linalg.diagonal(M), largest_of_rows(M)
-        return jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
+        return linalg.where(diagonal > 0, diagonal, linalg.where(side > 0, side, 1))
 
     diagonal = linalg.diagonal(M)
     return seldom(~jnp.all(diagonal > 0), of_rows, diagonal, M)
@@ -108,7 +108,7 @@ def classify(problem, form, z, w):
 
 
 def above_zero(x):
-    return jnp.where(x > 0, x, 1)
+    return linalg.where(x > 0, x, 1)
 
 
 def _ratio(x, size):

@@ -65,7 +65,7 @@ def seldom(needed, function, otherwise, *arguments):
     """`function(*arguments)` where the rare `needed` holds, else `otherwise`: skipped by a batch that does not need it,
     but computed anyway where arrays are so short that a branch costs more."""
     if all(max(x.shape, default=0) <= SCALARS for x in arguments):
-        return jnp.where(needed, function(*arguments), otherwise)
+        return linalg.where(needed, function(*arguments), otherwise)
     return linalg.where_needed(needed, function, otherwise, *arguments)
 
 
@@ -113,7 +113,7 @@ def least_entry(x):
 
     def smaller(a, b):
         take = (b[0] < a[0]) | ((b[0] == a[0]) & (b[1] < a[1]))
-        return tuple(jnp.where(take, new, old) for new, old in zip(b, a, strict=True))
+        return tuple(linalg.where(take, new, old) for new, old in zip(b, a, strict=True))
 
     last = jnp.array(jnp.inf, x.dtype), jnp.array(len(x), jnp.int32)
     return lax.reduce((x, rows_of(x)), last, smaller, (0,))

@@ -29,7 +29,7 @@ from jaxcontact.complementarity.residuals import pair_scales, residuals
 from jaxcontact.complementarity.short import dot
 from jaxcontact.complementarity.solution import Solution
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import in_chunks, walled
+from jaxcontact.linalg import in_chunks, walled, where
 
 
 def solve(problem, method, start=None):
@@ -52,7 +52,7 @@ def _solved(problem, method, start, kernels):
     start, start_used = _usable(lax.stop_gradient(start), sizes(problem)[1])
     verdict, steps = _answer(problem, method, kernels)(fixed, start)
     answered = (verdict.status == int(Status.SOLVED)) | (verdict.status == int(Status.REDUNDANT))
-    point = [jnp.where(answered, part, jnp.nan) for part in (verdict.free, verdict.z, verdict.w)]
+    point = [where(answered, part, jnp.nan) for part in (verdict.free, verdict.z, verdict.w)]
     weight = weights(verdict.active, verdict.degenerate, verdict.z.dtype)
     free, z, w = attach(problem, *point, weight, finite=answered)
     return Solution(
@@ -64,7 +64,7 @@ def _solved(problem, method, start, kernels):
         backward_error=verdict.backward_error,
         steps=steps,
         active=verdict.active & answered,
-        degenerate=jnp.where(answered, jnp.sum(verdict.degenerate), 0).astype(jnp.int32),
+        degenerate=where(answered, jnp.sum(verdict.degenerate), 0).astype(jnp.int32),
         redundant=verdict.redundant & answered,
         condition=verdict.condition,
         attempt=verdict.z,
@@ -120,12 +120,12 @@ def _claimed(problem, method, start, kernels):
     if form.F.shape[1] == 0 and 0 < len(form.q) <= getattr(method, "pairs", 0):
         return _claimed_as_pairs(form, method, kernels), jnp.int32(0)
     reduction = walled(reduce_to_lcp)(form)
-    inner = None if start is None else jnp.where(reduction.eliminated, 0, start)
+    inner = None if start is None else where(reduction.eliminated, 0, start)
     answer, steps = iterate(reduction.lcp, method, inner, kernels)
     point = walled(_polished)(problem, form, reduction.back(answer.z))
     certificate = dot(answer.certificate, reduction.transform)
     silent = reduction.dependent & jnp.all(answer.certificate == 0)
-    certificate = jnp.where(silent, reduction.contradiction, certificate)
+    certificate = where(silent, reduction.contradiction, certificate)
     free = _least_norm(form.F, point[0], reduction.dependent)
     return Claim(free, *point[1:], answer.outcome, certificate, reduction.dependent), steps
 
@@ -167,7 +167,7 @@ def _polished(problem, form, point):
     k = free.shape[0]
     fresh = x[:k], jnp.maximum(x[k:], 0), jnp.maximum(-x[k:], 0)
     better = residuals(problem, form, *fresh)[0] < residuals(problem, form, free, z, w)[0]
-    return tuple(jnp.where(better, new, old) for new, old in zip(fresh, (free, z, w), strict=True))
+    return tuple(where(better, new, old) for new, old in zip(fresh, (free, z, w), strict=True))
 
 
 def _least_norm(F, free, dependent):
@@ -175,8 +175,8 @@ def _least_norm(F, free, dependent):
     if free.shape[0] == 0:
         return free
     rank_tolerance = PIVOT_FLOOR * F.shape[0] * float(jnp.finfo(F.dtype).eps)
-    sane = jnp.where(dependent, F, jnp.eye(*F.shape, dtype=F.dtype))
-    return jnp.where(dependent, dot(jnp.linalg.pinv(sane, rtol=rank_tolerance), dot(F, free)), free)
+    sane = where(dependent, F, jnp.eye(*F.shape, dtype=F.dtype))
+    return where(dependent, dot(jnp.linalg.pinv(sane, rtol=rank_tolerance), dot(F, free)), free)
 
 
 def iterate(problem, method, start, kernels=False):
@@ -239,7 +239,7 @@ def _usable(start, m):
     if start is None:
         return None, jnp.zeros((), bool)
     good = jnp.all(jnp.isfinite(start)) & jnp.all(start >= 0)
-    return jnp.where(good, start, 0), good
+    return where(good, start, 0), good
 
 
 def _check_door(problem, method, start):

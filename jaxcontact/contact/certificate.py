@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
+from .. import linalg
 from ..bounds import guaranteed_error, lipschitz, uniqueness
 from ..bounds.classes import Membership
 from ..dynamics import Delassus
@@ -35,4 +36,4 @@ def certificate(operators: Delassus, mu: Array, xi: Array, normal: Array) -> Cer
     operators, mu, xi, normal = lax.stop_gradient((operators, mu, xi, normal))
     unique = uniqueness(operators, mu)
     error = guaranteed_error(operators, mu, xi, normal)
-    return Certificate(unique, lipschitz(operators, mu), jnp.where(unique.verdict == 1, error, jnp.nan))
+    return Certificate(unique, lipschitz(operators, mu), linalg.where(unique.verdict == 1, error, jnp.nan))

@@ -135,19 +135,19 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     clear = sound & ~jnp.any(still & (mu > 0))
     mechanism, state, mu = _differentiable_where(clear, (mechanism, state, mu))
     parts = harmless(without_idle_directions(_terms(mechanism, state), still), clear)
-    friction = jnp.where(clear, mu * jnp.sign(parts.slip), 0)
-    operators = whitened(stiffened(parts, contacts, jnp.where(clear, gamma, 0)), contacts)
+    friction = linalg.where(clear, mu * jnp.sign(parts.slip), 0)
+    operators = whitened(stiffened(parts, contacts, linalg.where(clear, gamma, 0)), contacts)
     found = sliding(operators, friction)
     solution = None if found.problem is None else solve(found.problem, method)
     free = linalg.solve_lower(operators.L, operators.terms.F)
     normal, a = _accelerated(operators, free, friction, found, solution)
     looked = _looked_at(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
-    reason = jnp.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
-    status = jnp.where(clear, _status(looked, solution), reason)
+    reason = linalg.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
+    status = linalg.where(clear, _status(looked, solution), reason)
     forces = _judged(contacts, friction, looked, solution, normal, a, status)
     if certified:
-        signs = jnp.where(clear, jnp.sign(parts.slip), 0)
-        forces = replace(forces, certificate=certificate(operators, jnp.where(clear, mu, 0), signs, forces.normal))
+        signs = linalg.where(clear, jnp.sign(parts.slip), 0)
+        forces = replace(forces, certificate=certificate(operators, linalg.where(clear, mu, 0), signs, forces.normal))
     return forces, seen
 
 
@@ -165,13 +165,13 @@ def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Ar
     parts = without_idle_directions(_terms(mechanism, state), still)
     zero = jnp.zeros((), state.q.dtype)
     gamma, massive = linalg.where_needed(~regular, lambda p: stiffening(p, contacts), (zero, regular), parts)
-    seen = Seen(parts, jnp.where(massive, 1.0, jnp.nan))
+    seen = Seen(parts, linalg.where(massive, 1.0, jnp.nan))
     return seen, still, gamma, massive & sound
 
 
 def _differentiable_where(clear: Array, tree: Any) -> Any:
     """The same values, without derivative where not clear: NaN partial derivatives of a bad lane end here."""
-    return jax.tree.map(lambda x: jnp.where(clear, x, lax.stop_gradient(x)), tree)
+    return jax.tree.map(lambda x: linalg.where(clear, x, lax.stop_gradient(x)), tree)
 
 
 def _accelerated(operators: Delassus, free: Array, friction: Array, found: Sliding, solution: Solution | None):
@@ -179,7 +179,7 @@ def _accelerated(operators: Delassus, free: Array, friction: Array, found: Slidi
     remaining = friction[:0]
     if solution is not None:
         remaining = with_sign(operators.contacts, solution.z, solution.w)
-        remaining = jnp.where(solution.answered, remaining, 0)  # NaN would reach the derivatives of other lanes
+        remaining = linalg.where(solution.answered, remaining, 0)  # NaN would reach the derivatives of other lanes
     normal = normal_forces(operators, friction, found, remaining)
     pushes = operators.N * normal[None, :] - operators.T * (friction * jnp.abs(normal))[None, :]
     return normal, linalg.solve_lower_transposed(operators.L, jnp.sum(pushes, axis=1) - free)
@@ -216,8 +216,8 @@ def _status(looked: Looked, solution: Solution | None) -> Array:
     status = jnp.int32(Status.SOLVED) if solution is None else solution.status
     answered = True if solution is None else solution.answered
     dependent = looked.deficient | (False if solution is None else solution.redundant)
-    status = jnp.where(answered & dependent, int(Status.REDUNDANT), status)
-    return jnp.where(looked.contradictory, int(Status.INFEASIBLE), status)
+    status = linalg.where(answered & dependent, int(Status.REDUNDANT), status)
+    return linalg.where(looked.contradictory, int(Status.INFEASIBLE), status)
 
 
 def _judged(contacts, friction, looked: Looked, solution, normal, a, status) -> ContactForces:
@@ -226,11 +226,11 @@ def _judged(contacts, friction, looked: Looked, solution, normal, a, status) -> 
     largest = looked.misses.largest
     claimed = (status == int(Status.SOLVED)) | (status == int(Status.REDUNDANT))
     small = largest <= ROUNDING * (n + m) * eps
-    status = jnp.where(claimed & ~small, int(Status.INACCURATE), status).astype(jnp.int32)
+    status = linalg.where(claimed & ~small, int(Status.INACCURATE), status).astype(jnp.int32)
     answered = claimed & small
 
     def kept(x):
-        return jnp.where(answered, x, jnp.nan)
+        return linalg.where(answered, x, jnp.nan)
 
     return ContactForces(
         normal=kept(normal),
@@ -241,7 +241,7 @@ def _judged(contacts, friction, looked: Looked, solution, normal, a, status) -> 
         residuals=Residuals(*map(kept, looked.misses)),
         open=_open(contacts, solution) & answered,
         unique=looked.unique & ~looked.deficient & answered,
-        degenerate=jnp.int32(0) if solution is None else jnp.where(answered, solution.degenerate, 0),
+        degenerate=jnp.int32(0) if solution is None else linalg.where(answered, solution.degenerate, 0),
         steps=jnp.int32(0) if solution is None else solution.steps,
     )
 

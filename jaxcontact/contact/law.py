@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from .. import linalg
 from ..dynamics import Contact, State, Terms
 from ..dynamics.numbers import as_float_array, is_concrete
 
@@ -38,7 +39,7 @@ def coefficients(contacts: tuple[Contact, ...], mu, dtype) -> Array:
         _refuse(contacts, np.asarray(mu), rough)
         return jnp.asarray(np.where(rough, mu, 0), dtype)  # nothing to compile
     sound = (mu >= 0) & (mu < jnp.inf)
-    return jnp.where(rough, jnp.where(sound, mu, jnp.nan), 0.0).astype(dtype)
+    return linalg.where(rough, linalg.where(sound, mu, jnp.nan), 0.0).astype(dtype)
 
 
 def signs(contacts: tuple[Contact, ...], xi, dtype) -> Array:
@@ -56,7 +57,7 @@ def signs(contacts: tuple[Contact, ...], xi, dtype) -> Array:
         if (rough & ~(np.abs(np.asarray(xi)) == 1)).any():
             raise ValueError(f"xi holds the signs of the slips, -1 or 1 at frictional contacts; got {xi}")
         return jnp.asarray(np.where(rough, xi, 0), dtype)
-    return jnp.where(rough, jnp.where(jnp.abs(xi) == 1, xi, jnp.nan), 0.0).astype(dtype)
+    return linalg.where(rough, linalg.where(jnp.abs(xi) == 1, xi, jnp.nan), 0.0).astype(dtype)
 
 
 def stands_still(contacts: tuple[Contact, ...], parts: Terms, state: State) -> Array:

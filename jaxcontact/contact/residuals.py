@@ -59,15 +59,15 @@ def residuals(contacts: tuple[Contact, ...], parts: Terms, motion: Motion) -> Re
     sizes = [jnp.sum(jnp.abs(terms), axis=1) for terms in (parts.M * a[None, :], *pushes)]
     size = _largest((sum(sizes) + jnp.abs(parts.F)) / unit)
     acceleration = linalg.gram(parts.G, a) + parts.c
-    long = jnp.where(lengths > 0, lengths, 1)
+    long = linalg.where(lengths > 0, lengths, 1)
     moved = (linalg.gram(jnp.abs(parts.G), jnp.abs(a)) + jnp.abs(parts.c)) / long
     scale = jnp.maximum(jnp.maximum(_largest(moved), _largest(normal * lengths)), load)
     held = jnp.array([contact.bilateral for contact in contacts], bool)
     pair = jnp.minimum(normal * long, acceleration / long)
     return Residuals(
         _ratio(_largest(miss / unit), size),
-        _ratio(_largest(jnp.where(held, acceleration / long, 0)), scale),
-        _ratio(_largest(jnp.where(held, 0, pair)), scale),
+        _ratio(_largest(linalg.where(held, acceleration / long, 0)), scale),
+        _ratio(_largest(linalg.where(held, 0, pair)), scale),
         _ratio(_largest(tangential + friction * jnp.abs(normal)), _largest(normal)),
     )
 
@@ -75,7 +75,7 @@ def residuals(contacts: tuple[Contact, ...], parts: Terms, motion: Motion) -> Re
 def _unit_of_coordinates(M: Array) -> Array:
     """(n,) sqrt(M_ii), 1 where that is zero."""
     diagonal = linalg.diagonal(M)
-    return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1))
+    return jnp.sqrt(linalg.where(diagonal > 0, diagonal, 1))
 
 
 def _largest(x: Array) -> Array:
@@ -84,4 +84,4 @@ def _largest(x: Array) -> Array:
 
 def _ratio(x: Array, size: Array) -> Array:
     """x / size, where 0 / 0 is 0 and NaN stays NaN."""
-    return x / jnp.where(size == 0, 1, size)
+    return x / linalg.where(size == 0, 1, size)

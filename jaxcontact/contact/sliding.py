@@ -79,7 +79,7 @@ def sliding(operators: Delassus, friction: Array) -> Sliding:
     reduced, D = off_span(span, N), off_span(span, D)
     w = select(operators.w, kinds.rest) - linalg.gram(N, _load(span, operators, kinds))
     # Rounding counts as zero, its derivative stays: at zero force and zero acceleration the answer has a kink.
-    w = w - lax.stop_gradient(jnp.where(_is_rounding(span, reduced, N, w, operators, kinds), w, 0))
+    w = w - lax.stop_gradient(linalg.where(_is_rounding(span, reduced, N, w, operators, kinds), w, 0))
     return Sliding(_problem(kinds, reduced, D, w), reduced, D, span)
 
 
@@ -98,7 +98,7 @@ def with_sign(contacts: tuple[Contact, ...], z: Array, w: Array) -> Array:
     """(r,) forces from a complementary pair: lambda+ - lambda- where bilateral, z where unilateral."""
     kinds = sort_contacts(contacts)
     signed = jnp.arange(len(kinds.rest)) < len(kinds.signed)
-    return jnp.where(signed, z - w, z) if kinds.signed else z
+    return linalg.where(signed, z - w, z) if kinds.signed else z
 
 
 def contradiction(operators: Delassus, found: Sliding) -> Array:
@@ -129,7 +129,7 @@ def _is_rounding(span: Span, reduced: Array, N: Array, w: Array, operators: Dela
     load = length_of(_load(span, operators, kinds)[:, None])[0]
     size = length_of(N) * load + select(_size_of_w(operators), kinds.rest)
     rounding = ROUNDING * N.shape[0] * float(jnp.finfo(N.dtype).eps)
-    return jnp.abs(w) <= jnp.where(inside(reduced, N), dependence(N.shape[0], N.dtype), rounding) * size
+    return jnp.abs(w) <= linalg.where(inside(reduced, N), dependence(N.shape[0], N.dtype), rounding) * size
 
 
 def _size_of_w(operators: Delassus) -> Array:
@@ -156,4 +156,4 @@ def _problem(kinds: Sorted, N: Array, D: Array, w: Array):
         return AbsoluteValueEquation(W, Wt, w)
     pushing, pulling, slack = W - Wt, W + Wt, jnp.eye(len(kinds.rest), dtype=w.dtype)
     signed = jnp.arange(len(kinds.rest)) < len(kinds.signed)
-    return HorizontalLCP(N=jnp.where(signed[None, :], pulling, slack), M=pushing, q=w)
+    return HorizontalLCP(N=linalg.where(signed[None, :], pulling, slack), M=pushing, q=w)

@@ -54,8 +54,8 @@ class Solutions:
     def multiplicity(self) -> Array:
         """int32, a `Multiplicity`."""
         counted = jnp.minimum(self.count, int(Multiplicity.MANY))
-        known = jnp.where(self.infinite, int(Multiplicity.INFINITE), counted)
-        return jnp.where(self.undecided, int(Multiplicity.UNDECIDED), known).astype(jnp.int32)
+        known = linalg.where(self.infinite, int(Multiplicity.INFINITE), counted)
+        return linalg.where(self.undecided, int(Multiplicity.UNDECIDED), known).astype(jnp.int32)
 
 
 def solutions(operators: Delassus, mu: Array | None = None, xi: Array | None = None) -> Solutions:
@@ -100,7 +100,7 @@ def _solutions(operators: Delassus, friction: Array) -> Solutions:
     possible = ~contradiction(operators, found)
     valid = valid & possible
     normal = jax.vmap(lambda row: normal_forces(operators, friction, found, row))(rows)
-    normal = jnp.where(valid[:, None], normal, jnp.nan)
+    normal = linalg.where(valid[:, None], normal, jnp.nan)
     return Solutions(
         normal=normal,
         tangential=-friction[None, :] * jnp.abs(normal),
@@ -118,5 +118,5 @@ def _remaining(operators: Delassus, found: Sliding) -> tuple[Array, Array, Array
         return jnp.zeros((1, 0), operators.N.dtype), jnp.isfinite(jnp.sum(operators.w))[None], no, no
     every = all_solutions(found.problem)
     rows = jax.vmap(lambda z, w: with_sign(operators.contacts, z, w))(every.z, every.w)
-    rows = jnp.where(every.valid[:, None], rows, 0)  # NaN would reach the derivatives of other rows
+    rows = linalg.where(every.valid[:, None], rows, 0)  # NaN would reach the derivatives of other rows
     return rows, every.valid, every.infinite, every.undecided

@@ -20,10 +20,10 @@ def is_sound(contacts: tuple[Contact, ...], parts: Terms, state: State, mu: Arra
 def without_idle_directions(parts: Terms, idle: Array) -> Terms:
     """The terms with zero sliding directions at `idle` (m,) contacts, where friction does not act: a direction may be
     undefined there."""
-    return replace(parts, H=jnp.where(idle[None, :], 0, parts.H), slip=jnp.where(idle, 0, parts.slip))
+    return replace(parts, H=linalg.where(idle[None, :], 0, parts.H), slip=linalg.where(idle, 0, parts.slip))
 
 
 def harmless(parts: Terms, sound: Array) -> Terms:
     """The terms where sound; elsewhere those of free unit masses, so that no NaN enters the arithmetic that follows."""
-    zero = {name: jnp.where(sound, value, 0) for name, value in vars(parts).items()}
-    return replace(parts, **zero | {"M": jnp.where(sound, parts.M, jnp.eye(*parts.M.shape, dtype=parts.M.dtype))})
+    zero = {name: linalg.where(sound, value, 0) for name, value in vars(parts).items()}
+    return replace(parts, **zero | {"M": linalg.where(sound, parts.M, jnp.eye(*parts.M.shape, dtype=parts.M.dtype))})

@@ -57,7 +57,7 @@ def off_span(span: Span, X: Array) -> Array:
     for _ in range(2):
         rest = rest - linalg.gram(span.basis.T, linalg.gram(span.onto.T, rest))
     gone = inside(rest, X)
-    return jnp.where(gone[None, :], 0, rest)
+    return linalg.where(gone[None, :], 0, rest)
 
 
 def inside(rest: Array, X: Array) -> Array:
@@ -88,7 +88,7 @@ def _triangularised(cols: list[Column], noise: float) -> tuple[list[Column], lis
         size = inner(q, q)
         there = size > limit
         weight = reciprocal_square(q, limit)
-        length = jnp.where(there, shield(jnp.sqrt(jnp.where(there, size, 1))), 0)
+        length = linalg.where(there, shield(jnp.sqrt(linalg.where(there, size, 1))), 0)
         removed = [remove(q, weight, x) for x in rest]
         rest = [x for _, x in removed]
         rows.append([jnp.zeros_like(size)] * i + [length] + [t * length for t, _ in removed])
@@ -105,5 +105,5 @@ def _substituted(R2: list[Column], b: Column) -> Column:
         rest = b[i]
         for j in range(i):
             rest = rest - R2[j][i] * v[j]
-        v[i] = jnp.where(there, rest / jnp.where(there, R2[i][i], 1), 0)
+        v[i] = linalg.where(there, rest / linalg.where(there, R2[i][i], 1), 0)
     return v

@@ -152,7 +152,7 @@ def delassus_from_matrices(W: Array, Wt: Array, w: Array | None = None, *, conta
             raise ValueError(f"{name} must have shape {shape} for {m} contacts, got {value.shape}")
     rough = jnp.array([contact.frictional for contact in contacts], bool)
     R = linalg.cholesky(W)
-    T = linalg.solve_lower(R, jnp.where(rough[None, :], Wt, 0.0))
+    T = linalg.solve_lower(R, linalg.where(rough[None, :], Wt, 0.0))
     return Delassus(N=R.T, T=T, w=w, L=None, terms=None, contacts=tuple(contacts))
 
 
@@ -189,7 +189,7 @@ def _factor(M: Array) -> Array:
     diagonal = jnp.stack([M[i, i] for i in range(n)])
     noise = n * float(jnp.finfo(M.dtype).eps)
     sound = jnp.stack([L[i, i] ** 2 > noise * diagonal[i] for i in range(n)]).all() & (jnp.sum(diagonal) < jnp.inf)
-    return jnp.where(sound, L, jnp.nan)
+    return linalg.where(sound, L, jnp.nan)
 
 
 @jax.jit

@@ -34,7 +34,7 @@ def energy_of(mechanism: Any, q: Array) -> Energy:
     energy = jax.jit(lambda v: mechanism.kinetic_energy(q, v))  # traced once
     at_rest, there, back = map(energy, (jnp.zeros_like(q), v, -v))
     beyond = jnp.abs(there - back) > float(jnp.finfo(q.dtype).eps) ** 0.5 * (jnp.abs(there) + jnp.abs(back))
-    return Energy(at_rest, jnp.where(beyond, there - back, 0))
+    return Energy(at_rest, linalg.where(beyond, there - back, 0))
 
 
 def refuse_unsound(mechanism: Any, state: State, operators: Any, energy: Energy) -> None:

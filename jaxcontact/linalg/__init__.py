@@ -24,6 +24,7 @@ from jaxcontact.linalg.singular import (
 )
 from jaxcontact.linalg.spectrum import real_eigenvalue_max
 from jaxcontact.linalg.symmetric import symmetric_eigenvalue_max, symmetric_eigenvalue_min
+from jaxcontact.linalg.tracing import where
 from jaxcontact.linalg.unrolled import diagonal, shield
 
 __all__ = [
@@ -61,5 +62,6 @@ __all__ = [
     "two_product",
     "two_sum",
     "walled",
+    "where",
     "where_needed",
 ]

@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
+from jaxcontact.linalg.tracing import where
+
 ULPS = 1.0
 """Units in the last place by which the results may be off; measured: 0.8."""
 
@@ -70,8 +72,8 @@ def _turned(x: Array, quarters: int) -> Array:
     k, odd, even = _of_the_rest(x)
     k = k + quarters
     half_turns = lax.floor(0.5 * k)
-    value = jnp.where(k - 2 * half_turns == 0, odd, even)
-    return jnp.where(half_turns - 2 * lax.floor(0.5 * half_turns) == 0, value, -value)
+    value = where(k - 2 * half_turns == 0, odd, even)
+    return where(half_turns - 2 * lax.floor(0.5 * half_turns) == 0, value, -value)
 
 
 @jax.jit  # traced once for both

@@ -12,6 +12,7 @@ from jax import lax
 from jaxcontact.linalg.compensated import cofactor_pairs3, det2, dot_pairs
 from jaxcontact.linalg.orthogonal import Column, completed, normalised, triangularise, unit_normal, zeros
 from jaxcontact.linalg.symmetric_small import top_value, top_vector
+from jaxcontact.linalg.tracing import where
 from jaxcontact.linalg.unrolled import Scalar, inner, largest, power_of_two_scale, total
 
 Triple = tuple[Column, Scalar, Column]
@@ -58,7 +59,7 @@ def _min_triple2(R: list[Column]) -> Triple:
     """A quarter turn from the top vectors on both sides, one of them reversed where the determinant is negative."""
     u, top, v = max_triple(_transposed(R))
     volume = det2(*R[0], *R[1])
-    sign = jnp.where(volume < 0, -1, 1).astype(volume.dtype)
+    sign = where(volume < 0, -1, 1).astype(volume.dtype)
     return [-sign * u[1], sign * u[0]], _quotient(lax.abs(volume), top), [-v[1], v[0]]
 
 
@@ -69,13 +70,13 @@ def _min_value3(C: list[Column], det: Scalar, scale: Scalar) -> Scalar:
 def _min_triple3(R: list[Column]) -> Triple:
     C, det, scale = _cofactors(R)
     u, _, v = max_triple(C)
-    sign = jnp.where(det < 0, -1, 1).astype(det.dtype)
+    sign = where(det < 0, -1, 1).astype(det.dtype)
     # Rank one or zero: all cofactors vanish; vectors normal to any non-zero row and to any non-zero column will do.
     rank_two = largest([lax.abs(c) for col in C for c in col]) > 0
     v_null = unit_normal([normalised(_longest(R), zeros(v))], v)
     u_null = unit_normal([normalised(_longest(_transposed(R)), zeros(u))], u)
-    u = [jnp.where(rank_two, sign * x, y) for x, y in zip(u, u_null)]
-    v = [jnp.where(rank_two, x, y) for x, y in zip(v, v_null)]
+    u = [where(rank_two, sign * x, y) for x, y in zip(u, u_null)]
+    v = [where(rank_two, x, y) for x, y in zip(v, v_null)]
     return u, _min_value3(C, det, scale), v
 
 
@@ -84,7 +85,7 @@ def _longest(lines: list[Column]) -> Column:
     best = lines[0]
     for line in lines[1:]:
         longer = inner(line, line) > inner(best, best)
-        best = [jnp.where(longer, x, y) for x, y in zip(line, best, strict=True)]
+        best = [where(longer, x, y) for x, y in zip(line, best, strict=True)]
     return best
 
 
@@ -122,4 +123,4 @@ def _axis(x: Column) -> Column:
 
 def _quotient(a: Scalar, b: Scalar) -> Scalar:
     """a / b, and 0 where both vanish."""
-    return a / jnp.where(b == 0, 1, b)
+    return a / where(b == 0, 1, b)

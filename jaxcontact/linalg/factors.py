@@ -8,6 +8,7 @@ from jax.scipy.linalg import solve_triangular
 
 from jaxcontact.linalg.compensated import det2, det3
 from jaxcontact.linalg.orthogonal import reciprocal_square, remove
+from jaxcontact.linalg.tracing import where
 from jaxcontact.linalg.unrolled import (
     UNROLL_LIMIT,
     Scalar,
@@ -164,8 +165,8 @@ def _largest_first(rows: list[list[Scalar]], j: int) -> list[list[Scalar]]:
     first, rest = rows[0], []
     for row in rows[1:]:
         swap = lax.abs(row[j]) > lax.abs(first[j])
-        rest.append([jnp.where(swap, x, y) for x, y in zip(first, row)])
-        first = [jnp.where(swap, y, x) for x, y in zip(first, row)]
+        rest.append([where(swap, x, y) for x, y in zip(first, row)])
+        first = [where(swap, y, x) for x, y in zip(first, row)]
     return [first, *rest]
 
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact.linalg.compensated import two_product
+from jaxcontact.linalg.tracing import where
 from jaxcontact.linalg.unrolled import Scalar, inner, shield
 
 Column = list[Scalar]
@@ -14,7 +15,7 @@ def reciprocal_square(q: Column, noise: Scalar | float = 0.0) -> Scalar:
     """1 / |q|^2, or 0 where |q|^2 is not above `noise`, so that nothing is then projected on q."""
     size = inner(q, q)
     nothing = size <= noise
-    return shield(jnp.where(nothing, 0, 1 / jnp.where(nothing, 1, size)))
+    return shield(where(nothing, 0, 1 / where(nothing, 1, size)))
 
 
 def remove(q: Column, weight: Scalar, x: Column) -> tuple[Scalar, Column]:
@@ -53,13 +54,13 @@ def triangularise(cols: list[Column]) -> tuple[list[Column], list[Column]]:
 def completed(E: list[Column], present: list[jax.Array]) -> list[Column]:
     """The orthonormal columns E with those not `present`, zero on entry, replaced by unit normals to the rest."""
     if len(E) == 2:
-        known = [jnp.where(present[0], x, y) for x, y in zip(*E, strict=True)]
+        known = [where(present[0], x, y) for x, y in zip(*E, strict=True)]
         normal = unit_normal([known], known)
-        return [[jnp.where(there, e, x) for e, x in zip(E[i], normal)] for i, there in enumerate(present)]
+        return [[where(there, e, x) for e, x in zip(E[i], normal)] for i, there in enumerate(present)]
     E = list(E)
     for i, there in enumerate(present):
         normal = unit_normal(E[:i] + E[i + 1 :], E[i])
-        E[i] = [jnp.where(there, e, x) for e, x in zip(E[i], normal, strict=True)]
+        E[i] = [where(there, e, x) for e, x in zip(E[i], normal, strict=True)]
     return E
 
 
@@ -73,7 +74,7 @@ def unit_normal(E: list[Column], like: Column) -> Column:
     for i, e in enumerate(E):
         for w, weight in reflections:
             e = _reflected(w, weight, e)
-        away = jnp.where(e[i] >= 0, 1, -1).astype(e[i].dtype)
+        away = where(e[i] >= 0, 1, -1).astype(e[i].dtype)
         w = [*zeros(e[:i]), e[i] + away, *e[i + 1 :]]
         reflections.append((w, shield(2 / inner(w[i:], w[i:]))))
     axis = zeros(like)
@@ -98,11 +99,11 @@ def triangular(cols: list[Column]) -> tuple[list[Column], list[Reflection]]:
     for i in range(len(cols)):
         q, rest = rest[0], rest[1:]
         length = shield(jnp.sqrt(inner(q, q)))
-        turned = jnp.where(q[0] >= 0, -length, length)
+        turned = where(q[0] >= 0, -length, length)
         w = [q[0] - turned, *q[1:]]
         half_square = length * (length + lax.abs(q[0]))
         nothing = half_square == 0
-        weight = shield(jnp.where(nothing, 0, 1 / jnp.where(nothing, 1, half_square)))
+        weight = shield(where(nothing, 0, 1 / where(nothing, 1, half_square)))
         rest = [_reflected(w, weight, x) for x in rest]
         reflections.append((w, weight))
         R.append([zero] * i + [turned] + [x[0] for x in rest])
@@ -132,5 +133,5 @@ def normalised(x: Column, otherwise: Column) -> Column:
     """x / |x|, or `otherwise` where x is zero."""
     size = inner(x, x)
     nothing = size == 0
-    scale = shield(lax.rsqrt(jnp.where(nothing, 1, size)))
-    return [jnp.where(nothing, y, x_i * scale) for x_i, y in zip(x, otherwise, strict=True)]
+    scale = shield(lax.rsqrt(where(nothing, 1, size)))
+    return [where(nothing, y, x_i * scale) for x_i, y in zip(x, otherwise, strict=True)]

@@ -12,6 +12,7 @@ from jax import lax
 from jaxcontact.linalg.compensated import det2
 from jaxcontact.linalg.extrema import greatest
 from jaxcontact.linalg.singular import singular_pair_min
+from jaxcontact.linalg.tracing import where
 from jaxcontact.linalg.unrolled import inner, largest, power_of_two_scale, shield
 
 REAL = 64
@@ -49,19 +50,19 @@ def _largest_of_two(X: jax.Array) -> jax.Array:
     mean, half = 0.5 * (a + d), 0.5 * (a - d)
     discriminant = det2(half, -b, c, half)
     real = ~(discriminant < 0)
-    root = shield(jnp.sqrt(jnp.where(real, discriminant, 0)))
+    root = shield(jnp.sqrt(where(real, discriminant, 0)))
     rising = ~(mean < 0)
-    below = jnp.where(rising, -1, mean - root)
-    value = jnp.where(rising, mean + root, det2(a, b, c, d) / below)
-    return scale * lax.max(jnp.where(real, value, 0), jnp.zeros_like(value))
+    below = where(rising, -1, mean - root)
+    value = where(rising, mean + root, det2(a, b, c, d) / below)
+    return scale * lax.max(where(real, value, 0), jnp.zeros_like(value))
 
 
 def _largest_of_many(X: jax.Array) -> jax.Array:
     values = jnp.linalg.eigvals(X)
     size = REAL * float(jnp.finfo(X.dtype).eps) * jnp.linalg.norm(X)
     positive = (jnp.abs(values.imag) <= size) & (values.real > 0)
-    largest_value = greatest(jnp.where(positive, values.real, 0))
-    return jnp.where(jnp.any(jnp.isnan(X)), jnp.nan, largest_value)
+    largest_value = greatest(where(positive, values.real, 0))
+    return where(jnp.any(jnp.isnan(X)), jnp.nan, largest_value)
 
 
 @_largest.defjvp
@@ -74,16 +75,16 @@ def _largest_jvp(primals, tangents):
     overlap = jnp.dot(y, x, precision=lax.Precision.HIGHEST)
     change = jnp.einsum("i,ij,j->", y, dX, x, precision=lax.Precision.HIGHEST)
     regular = (value > 0) & (overlap != 0)
-    return value, jnp.where(regular, change / jnp.where(regular, overlap, 1), 0)
+    return value, where(regular, change / where(regular, overlap, 1), 0)
 
 
 def _change_small(X: jax.Array, value: jax.Array, dX: jax.Array) -> jax.Array:
     """The same by cofactors: x y^T / (y^T x) = adj(lambda - X) / trace; half the trace of dX at a double eigenvalue."""
     if X.shape[0] == 1:
-        return jnp.where(value > 0, dX[0, 0], 0)
+        return where(value > 0, dX[0, 0], 0)
     adjugate = [value - X[1, 1], X[0, 1], X[1, 0], value - X[0, 0]]
     trace = adjugate[0] + adjugate[3]
     change = inner(adjugate, [dX[0, 0], dX[1, 0], dX[0, 1], dX[1, 1]])
     simple = trace > 0
-    change = jnp.where(simple, change / jnp.where(simple, trace, 1), 0.5 * (dX[0, 0] + dX[1, 1]))
-    return jnp.where(value > 0, change, 0)
+    change = where(simple, change / where(simple, trace, 1), 0.5 * (dX[0, 0] + dX[1, 1]))
+    return where(value > 0, change, 0)

@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.linalg.tracing import where
 from jaxcontact.linalg.unrolled import Scalar, inner, shield, total
 
 SymmetricRows = list[list[Scalar]]
@@ -45,12 +46,12 @@ def _half_angle(x: Scalar, y: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
     The larger of the two is computed by the half-angle formula, the other from sin(2 a) = y / radius: nothing cancels.
     """
     point = radius == 0
-    inverse = shield(1 / jnp.where(point, 1, radius))
-    large = shield(jnp.sqrt(jnp.where(point, 1, 0.5 + 0.5 * lax.abs(x) * inverse)))
+    inverse = shield(1 / where(point, 1, radius))
+    large = shield(jnp.sqrt(where(point, 1, 0.5 + 0.5 * lax.abs(x) * inverse)))
     small = shield(0.5 * y * inverse / large)
     right = x >= 0
     # On the left the sine is the larger; both change sign together with y, which leaves the axis the same.
-    return jnp.where(right, large, small), jnp.where(right, small, large)
+    return where(right, large, small), where(right, small, large)
 
 
 def _top3(S: SymmetricRows) -> tuple[Scalar, list[Scalar]]:
@@ -66,13 +67,13 @@ def _top3(S: SymmetricRows) -> tuple[Scalar, list[Scalar]]:
     off = [S[1][2], S[0][2], S[0][1]]
     p = shield(jnp.sqrt((inner(b, b) + 2 * inner(off, off)) * (1 / 6)))
     isotropic = p == 0
-    inverse = shield(1 / jnp.where(isotropic, 1, p))
+    inverse = shield(1 / where(isotropic, 1, p))
     # From here on B / p, of Frobenius norm sqrt(6), and its negative where the bottom eigenvalue is the separated one.
     b, off = [x * inverse for x in b], [x * inverse for x in off]
     half_det = 0.5 * (b[0] * (b[1] * b[2] - off[0] * off[0]) - off[2] * (off[2] * b[2] - off[0] * off[1]))
     half_det = half_det + 0.5 * off[1] * (off[2] * off[0] - b[1] * off[1])
     top_is_separated = half_det >= 0
-    sign = jnp.where(top_is_separated, 1, -1).astype(p.dtype)
+    sign = where(top_is_separated, 1, -1).astype(p.dtype)
     separated = 2 * _third_of_angle(lax.abs(half_det))
     w = _null_vector([sign * x - separated for x in b], [sign * x for x in off])
     y, z = _plane_normal_to(w)
@@ -80,8 +81,8 @@ def _top3(S: SymmetricRows) -> tuple[Scalar, list[Scalar]]:
     mean, radius, half = _circle(a, c, d)
     cosine, sine = _half_angle(half, c, radius)
     in_plane = [cosine * y_i + sine * z_i for y_i, z_i in zip(y, z)]
-    value = jnp.where(top_is_separated, separated, mean + radius)
-    vector = [jnp.where(top_is_separated, w_i, x) for w_i, x in zip(w, in_plane)]
+    value = where(top_is_separated, separated, mean + radius)
+    vector = [where(top_is_separated, w_i, x) for w_i, x in zip(w, in_plane)]
     return centre + p * value, vector
 
 
@@ -109,18 +110,18 @@ def _null_vector(b: list[Scalar], off: list[Scalar]) -> list[Scalar]:
     c01, c02, c12 = f * g - h * b[2], h * f - b[1] * g, g * h - b[0] * f
     size0, size1, size2 = lax.abs(c00), lax.abs(c11), lax.abs(c22)
     use1 = size1 > size0
-    x = [jnp.where(use1, s, r) for r, s in zip([c00, c01, c02], [c01, c11, c12])]
+    x = [where(use1, s, r) for r, s in zip([c00, c01, c02], [c01, c11, c12])]
     use2 = size2 > lax.max(size0, size1)
-    x = [jnp.where(use2, t, r) for r, t in zip(x, [c02, c12, c22])]
+    x = [where(use2, t, r) for r, t in zip(x, [c02, c12, c22])]
     square = inner(x, x)
-    scale = shield(lax.rsqrt(jnp.where(square == 0, 1, square)))
+    scale = shield(lax.rsqrt(where(square == 0, 1, square)))
     x = [x_i * scale for x_i in x]
-    return [jnp.where(square == 0, 1, x[0]), x[1], x[2]]
+    return [where(square == 0, 1, x[0]), x[1], x[2]]
 
 
 def _plane_normal_to(w: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
     """Two unit vectors normal to the unit vector w and each other (Duff et al., JCGT 6 (2017) 1-8)."""
-    sign = jnp.where(w[2] >= 0, 1, -1).astype(w[2].dtype)
+    sign = where(w[2] >= 0, 1, -1).astype(w[2].dtype)
     a = shield(-1 / (sign + w[2]))
     b = w[0] * w[1] * a
     return [1 + sign * w[0] * w[0] * a, sign * b, -sign * w[0]], [b, sign + w[1] * w[1] * a, -w[1]]

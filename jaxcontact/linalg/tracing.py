@@ -4,6 +4,9 @@ import functools
 from collections.abc import Callable
 
 import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
 from jax.interpreters.partial_eval import DynamicJaxprTracer
 
 
@@ -22,3 +25,19 @@ def traced_once(function: Callable) -> Callable:
         return (kept if traced else function)(*scalars)
 
     return call
+
+
+def where(condition, x, y) -> jax.Array:
+    """`jnp.where`, which would be a function of its own to trace for each new shape and dtype.
+
+    >>> where(jnp.array([True, False]), jnp.ones(2), 0)     # [1, 0]
+    """
+    if not any(hasattr(a, "dtype") and not getattr(a, "weak_type", False) for a in (x, y)):
+        return jnp.where(condition, x, y)  # of no dtype yet
+    shape, dtype = np.broadcast_shapes(*map(np.shape, (condition, x, y))), jnp.result_type(x, y)
+
+    def spread(a, dtype):
+        a = lax.convert_element_type(a, dtype) if hasattr(a, "dtype") else np.asarray(a, dtype)
+        return a if a.shape == shape else lax.broadcast_in_dim(a, shape, range(len(shape) - a.ndim, len(shape)))
+
+    return lax.select(spread(condition, bool), spread(x, dtype), spread(y, dtype))
