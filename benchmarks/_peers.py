@@ -29,6 +29,8 @@ def available() -> dict:
 
 
 def _quantecon():
+    # threads that wait by spinning would take a core from whoever is measured next
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     import numba
     from quantecon.optimize import lcp_lemke
 

@@ -1,5 +1,6 @@
 // The kernels as XLA calls them: batches along the leading axes, cut into pieces for XLA's own threads.
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <thread>
 #include <type_traits>
@@ -27,6 +28,9 @@ constexpr int64_t SWEEPS_PER_PIECE = 8;
 // place of what is still in use.
 constexpr int AHEAD = 2, AHEAD_LIMIT = 5;
 
+// So many pieces are worth a pause of some fifty microseconds.
+constexpr int64_t MANY = 8;
+
 // run(first, last) over pieces of [0, total) on all threads of the pool and this one. It waits only for pieces that
 // have begun, so that a full pool cannot stop it.
 template <class Run>
@@ -37,17 +41,27 @@ void in_pieces(ffi::ThreadPool& pool, int64_t total, int64_t per_problem, int64_
   if (count <= 1) return run(0, total);
   struct Shared {
     std::atomic<int64_t> next{0}, done{0};
+    std::atomic<bool> helped{false};
   };
   auto shared = std::make_shared<Shared>();
-  auto work = [shared, run, total, length, count]() mutable {
-    for (int64_t k; (k = shared->next.fetch_add(1)) < count;) {
-      run(k * length, (k + 1) * length < total ? (k + 1) * length : total);
-      shared->done.fetch_add(1, std::memory_order_release);
-    }
+  auto take = [shared, run, total, length, count]() mutable {
+    const int64_t k = shared->next.fetch_add(1);
+    if (k >= count) return false;
+    run(k * length, (k + 1) * length < total ? (k + 1) * length : total);
+    shared->done.fetch_add(1, std::memory_order_release);
+    return true;
+  };
+  auto help = [shared, take]() mutable {
+    shared->helped = true;
+    while (take()) continue;
   };
   const int64_t helpers = pool.num_threads() < count ? pool.num_threads() : count;
-  for (int64_t k = 1; k < helpers; ++k) pool.Schedule(decltype(work)(work));
-  work();
+  for (int64_t k = 1; k < helpers; ++k) pool.Schedule(decltype(help)(help));
+  take();
+  // A helper may have been woken on this very core, behind this thread, and stay there for a millisecond while another
+  // core is idle. The scheduler looks for an idle one again when a thread wakes up.
+  if (helpers > 1 && count > MANY && !shared->helped) std::this_thread::sleep_for(std::chrono::microseconds(1));
+  while (take()) continue;
   while (shared->done.load(std::memory_order_acquire) < count) std::this_thread::yield();
 }
 
