@@ -7,6 +7,7 @@ processor stand beside those of the clock: they are what the clock says on an id
 with several threads.
 """
 
+import gc
 import inspect
 import json
 import subprocess
@@ -122,9 +123,12 @@ def clocks():
 
 
 def forget(folder):
-    """Clear what JAX holds in memory; what it compiles from now on is kept in the folder."""
+    """Clear what JAX holds in memory; what it compiles from now on is kept in the folder. What earlier calls left is
+    put aside, or the garbage collector would go through it within the time of a later one."""
     jax.clear_caches()
     compilation_cache.reset_cache()
+    gc.collect()
+    gc.freeze()
     jax.config.update("jax_compilation_cache_dir", str(folder))
 
 
