@@ -1,9 +1,10 @@
 """How time and memory grow with the batch, the contacts and the grid, and what a first call costs.
 
-`python -m benchmarks growth --json docs/growth.json`. Bounds of `PainleveKlein` over the angle; complementarity
-problems of sliding contacts; scenes that are columns of boxes side by side, without friction, whose forces are the
-weights above. Every row is written as it comes. First calls, without and with JAX's persistent compilation cache, and
-peak memory are measured in processes of their own. `--parts` names some of the parts, `--quick` takes a minute.
+`python -m benchmarks growth --json growth.json`; `docs/first_calls.json` is its part `first_calls`. Bounds of
+`PainleveKlein` over the angle; complementarity problems of sliding contacts; scenes that are columns of boxes side by
+side, without friction, whose forces are the weights above. Every row is written as it comes. First calls, without and
+with JAX's persistent compilation cache, and peak memory are measured in processes of their own. `--parts` names some of
+the parts, `--quick` takes a minute.
 """
 
 import argparse

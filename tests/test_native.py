@@ -120,8 +120,15 @@ def test_kernel_and_jax_agree_on_every_family(method, m, dtype):
 @built
 def test_what_turns_do_not_solve_ends_as_in_jax():
     """Some families have several solutions, or none: turns may solve more, and never less."""
-    kernel, reference = both(PrincipalPivoting(), *problems(4, np.float64, each=20))
+    M, q = map(np.asarray, problems(4, np.float64, each=20))
+    kernel, reference = both(PrincipalPivoting(), M, q)
     left = kernel.status != Status.SOLVED
+    z, M, q = kernel.z[~left], M[~left], q[~left]
+    w = np.einsum("bij,bj->bi", M, z) + q
+    sizes = (np.einsum("bij,bj->bi", np.abs(M), z) + np.abs(q)).max(1)
+    assert (z >= 0).all()
+    # the judge's bound for eta, once more
+    assert (np.abs(np.minimum(z / z.max(1, initial=1e-300, keepdims=True), w / sizes[:, None])) <= 256 * 2.0**-52).all()
     assert left.sum() > 20
     assert (kernel.status == reference.status)[left].all()
     assert (kernel.steps == reference.steps)[left].all()

@@ -85,9 +85,9 @@ class PrincipalPivoting:
 
     Finite for P-matrices, as frictionless contacts without redundancy and sliding ones below the critical friction have
     them; for others it may stop without a pivot (INACCURATE, or INFEASIBLE with a certificate) or run out of steps,
-    even where solutions exist: use Lemke there. Of several solutions another one may be found with compiled kernels
-    than without. A start is used for its signs: the rows with start > 0 become active first. max_steps: pivot cap, None
-    for the default by size; ValueError below one.
+    even where solutions exist: use Lemke there. Beyond P-matrices compiled kernels may find another solution than the
+    code in JAX, or one where that finds none. A start is used for its signs: the rows with start > 0 become active
+    first. max_steps: pivot cap, None for the default by size; ValueError below one.
 
     >>> solve(LCP([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0]), PrincipalPivoting()).z     # (4/3, 7/3)
     """

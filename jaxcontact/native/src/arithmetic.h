@@ -36,18 +36,14 @@ inline Real power_of_two(int k) {
   return x;
 }
 
-// 2^-e with 2^(e-1) <= x < 2^e, for x >= 0, a number or lanes; finite and not zero whatever x is.
-template <class N>
-inline N per_power_of_two(N x) {
-  if constexpr (std::is_floating_point_v<N>) {
-    return per_power_of_two(all(x))[0];
-  } else {
-    using F = Format<Number<N>>;
-    using K = decltype(x < x);
-    constexpr typename F::Word one = typename F::Word(1) << F::fraction;
-    const K word = (2 * F::bias - 1) * one - ((K)x & (2 * F::bias + 1) * one);
-    return (N)(word > one ? word : K{} + one);
-  }
+// 2^-e with 2^(e-1) <= x < 2^e, for lanes >= 0; finite and not zero whatever they are.
+template <class V>
+inline V per_power_of_two(V x) {
+  using F = Format<Number<V>>;
+  using K = decltype(x < x);
+  constexpr typename F::Word one = typename F::Word(1) << F::fraction;
+  const K word = (2 * F::bias - 1) * one - ((K)x & (2 * F::bias + 1) * one);
+  return (V)(word > one ? word : K{} + one);
 }
 
 // x 2^k in two steps, so that only the product can overflow and not the factor.

@@ -268,8 +268,8 @@ struct GroupJudge {
     measure(own);
   }
 
-  void measure(const Point<V>& point_of_lanes) {
-    point_of_lanes.errors(&eta, &rho);
+  void measure(const Point<V>& at_z) {
+    at_z.errors(&eta, &rho);
     V sum{}, point{}, data{};
     for (const V& part : terms) sum += part;
     sound = whole = sum - sum == 0;  // no number is lost in a sum of sizes

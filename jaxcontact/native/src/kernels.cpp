@@ -65,7 +65,7 @@ void in_pieces(ffi::ThreadPool& pool, int64_t total, int64_t per_problem, int64_
   while (shared->done.load(std::memory_order_acquire) < count) std::this_thread::yield();
 }
 
-// Row lengths that the compiler knows: problems up to 16 contacts are a few registers per row.
+// Row lengths that the compiler knows, so that a row is a few registers.
 template <class Real, class Body>
 inline void with_stride(int stride, Body body) {
   constexpr int W = Format<Real>::width;

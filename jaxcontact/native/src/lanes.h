@@ -57,21 +57,9 @@ constexpr Real infinity = std::numeric_limits<Real>::infinity();
 template <class Real>
 constexpr Real not_a_number = std::numeric_limits<Real>::quiet_NaN();
 
-// The type of one number of N, a number or lanes.
-template <class N>
-struct NumberOf {
-  using type = std::remove_reference_t<decltype(N{}[0])>;
-};
-template <>
-struct NumberOf<double> {
-  using type = double;
-};
-template <>
-struct NumberOf<float> {
-  using type = float;
-};
-template <class N>
-using Number = typename NumberOf<N>::type;
+// The type of one lane.
+template <class V>
+using Number = std::remove_reference_t<decltype(V{}[0])>;
 
 template <class Real>
 inline Lanes<Real> all(Real x) {
@@ -103,13 +91,6 @@ inline N larger(N a, N b) {
 
 template <class N>
 inline N smaller(N a, N b) {
-#if JAXCONTACT_BYTES == 64
-  if constexpr (std::is_same_v<N, Lanes<double>>) return _mm512_min_pd(a, b);
-  if constexpr (std::is_same_v<N, Lanes<float>>) return _mm512_min_ps(a, b);
-#elif JAXCONTACT_BYTES == 32
-  if constexpr (std::is_same_v<N, Lanes<double>>) return _mm256_min_pd(a, b);
-  if constexpr (std::is_same_v<N, Lanes<float>>) return _mm256_min_ps(a, b);
-#endif
   return a < b ? a : b;
 }
 
