@@ -21,8 +21,9 @@ class Program:
     >>> Program.of(lambda x: x * x, x).partials(in_a_row(x), 1)  # [[2 * x[0], 0]]
     """
 
-    def __init__(self, program: core.Jaxpr, constants: Sequence):
-        self._program, self._constants = program, constants
+    def __init__(self, program: core.Jaxpr, known: Sequence):
+        """`known`: the values of the first inputs. Not as the constants of a Jaxpr: since JAX 0.11 these belong to it."""
+        self._program, self._known = program, known
 
     @classmethod
     def of(cls, function: Callable, *arguments: jax.Array) -> "Program":
@@ -42,11 +43,13 @@ class Program:
     @classmethod
     def _traced(cls, function: Callable, scalars: Sequence) -> "Program":
         closed = jax.make_jaxpr(function)(*scalars)
-        return cls(closed.jaxpr, closed.consts)
+        program, constants = closed.jaxpr, closed.consts
+        inputs = [*program.constvars, *program.invars]
+        return cls(program.replace(constvars=[], invars=inputs), constants)
 
     @property
     def _inputs(self) -> list[jax.ShapeDtypeStruct]:
-        return [jax.ShapeDtypeStruct((), v.aval.dtype) for v in self._program.invars]
+        return [jax.ShapeDtypeStruct((), v.aval.dtype) for v in self._program.invars[len(self._known) :]]
 
     def __call__(self, scalars: list[Scalar]) -> list[Scalar]:
         """The entries of the result."""
@@ -55,7 +58,7 @@ class Program:
     def at(self, points: list[list[Scalar]]) -> list[list[Scalar]]:
         """The entries of the result at several points; what these have in common is computed once."""
         reader = _reader()
-        results = [reader.run(self._program, self._constants, list(map(_entry, point))) for point in points]
+        results = [reader.run(self._program, [], [*self._known, *map(_entry, point)]) for point in points]
         return [[entries_of(x).flat[0] for x in result] for result in results]
 
     @cached_property
@@ -83,7 +86,8 @@ class Program:
     def given(self, scalars: list[Scalar]) -> "Program":
         """The program of the remaining arguments, the first ones given: what depends on these alone is computed now."""
         program = self._program
-        known = [*program.constvars, *program.invars[: len(scalars)]]
+        values = [*self._known, *map(_entry, scalars)]
+        known, unknown = program.invars[: len(values)], program.invars[len(values) :]
         found, now, later = set(known), [], []
         for step in program.eqns:
             if all(isinstance(v, core.Literal) or v in found for v in step.invars) and not step.effects:
@@ -93,9 +97,9 @@ class Program:
                 later.append(step)
         needed = [v for step in later for v in step.invars] + program.outvars
         carried = list(dict.fromkeys(v for v in needed if not isinstance(v, core.Literal) and v in found))
-        first = program.replace(constvars=[], invars=known, outvars=carried, eqns=now)
-        rest = program.replace(constvars=carried, invars=program.invars[len(scalars) :], eqns=later)
-        return Program(rest, _reader().run(first, [], [*self._constants, *map(_entry, scalars)]))
+        first = program.replace(invars=known, outvars=carried, eqns=now)
+        rest = program.replace(invars=[*carried, *unknown], eqns=later)
+        return Program(rest, _reader().run(first, [], values))
 
 
 def units(scalars: list[Scalar]) -> list[list[np.generic]]:
