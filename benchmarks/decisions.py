@@ -62,9 +62,15 @@ def replaced(text: str, tables: str) -> str:
 def source(name: str, measured: dict) -> str:
     """Where the numbers come from."""
     here = measured["machine"]
+    where = f"{here['processor']}, {here['cores']} cores" if here.get("device", "cpu") == "cpu" else here["device"]
+    ceilings = "; ".join(
+        f"{dtype}: {limit['bytes'] / 1e9:,.0f} GB/s, {limit['operations'] / 1e9:,.0f} billion operations per second"
+        for dtype, limit in measured.get("ceilings", {}).items()
+    )
+    note = f" Note: {here['note']}." if "note" in here else ""
     return (
-        f"Measured by `python -m benchmarks {name}` on {here['processor']}, {here['cores']} cores, jax {here['jax']}, "
-        f"{here['date'][:10]}."
+        f"Measured by `python -m benchmarks {name}` on {where}, jax {here['jax']}, {here['date'][:10]}."
+        f"{ceilings and f' Ceilings: {ceilings}.'}{note}"
     )
 
 
@@ -186,6 +192,21 @@ def cheapest(rows: list[dict], share: float) -> str:
     return f"`{best['bound']}`, {best['us per configuration']:.2g} µs" if best else ""
 
 
+def of_limits(rows: list[dict]) -> str:
+    """Rates of bounds and solvers on one device, each beside the time that it takes to move or compute what it must."""
+    found = {(r["contacts"], r["program"], r["dtype"]): r for r in rows}
+    lines = []
+    for m, program in dict.fromkeys(key[:2] for key in found):
+        cells = [str(m), code(program)]
+        for dtype in ("float64", "float32"):
+            r = found.get((m, program, dtype))
+            cells += [rate(r["per_second"]), f"{r['to_floor']:.3g}"] if r else ["", ""]
+        failed = max(r["failed"] for key, r in found.items() if key[:2] == (m, program))
+        lines.append([*cells, f"{failed:.1%}" if failed else ""])
+    heads = [f"{dtype}, {what}" for dtype in ("float64", "float32") for what in ("per second", "times its floor")]
+    return table(["contacts", "program", *heads, "failed"], lines)
+
+
 def ordered(rows: list[dict], key: str) -> list:
     """What occurs under a key: numbers by size, names as they come."""
     found = list(dict.fromkeys(r[key] for r in rows))
@@ -210,7 +231,10 @@ def code(name: str) -> str:
 
 def rate(per_second: float) -> str:
     """A rate in words."""
-    return f"{per_second / 1e6:.3g} million" if per_second >= 1e6 else f"{per_second:,.0f}"
+    for size, name in ((1e9, "billion"), (1e6, "million")):
+        if per_second >= size:
+            return f"{per_second / size:.3g} {name}"
+    return f"{per_second:,.0f}"
 
 
 def table(heads: list[str], lines: list[list[str]]) -> str:
@@ -222,4 +246,10 @@ def table(heads: list[str], lines: list[list[str]]) -> str:
 
 METHODS = solvers.METHODS | tradeoff.METHODS
 
-TABLES = {"solvers": of_solvers, "tradeoff": of_tradeoff, "bounds": of_bounds, "ladder": of_ladder}
+TABLES = {
+    "solvers": of_solvers,
+    "tradeoff": of_tradeoff,
+    "bounds": of_bounds,
+    "ladder": of_ladder,
+    "limits": of_limits,
+}

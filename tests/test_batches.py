@@ -101,3 +101,30 @@ def test_skipped_work_is_as_if_done(pick):
     limits = jnp.array([-1.0, 2.5, 9.0])
     rows = jax.vmap(over, (None, 0))(x, limits)
     assert np.array_equal(rows, [over(x, limit) for limit in limits])
+
+
+def test_on_an_accelerator_there_are_no_walls_and_the_few_are_many_at_a_time(monkeypatch):
+    """A branch there would wait for the host; what is computed is the same."""
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    x = jnp.linspace(0, 1, 77)
+    program = jax.jit(jax.vmap(linalg.walled(lambda x: jnp.sin(x) + 1))).lower(x)
+    assert "stablehlo.case" not in program.as_text()
+    np.testing.assert_allclose(program.compile()(x), np.sin(x) + 1, rtol=1e-15)
+    again = jax.vmap(lambda x: linalg.for_the_few(x > 0.5, lambda x: 2 * x, -x, x, lanes=3))(x)
+    assert np.array_equal(again, np.where(x > 0.5, 2 * x, -x))
+    assert linalg.compiler_options() == {}
+
+
+def test_solutions_are_the_same_as_on_an_accelerator(monkeypatch):
+    N, T = random_factors("uuu", 91, seed=5)
+    W, q = jnp.einsum("bki,bkj->bij", N, N), jnp.asarray(T[:, 0])
+    methods = jc.Direct(), jc.Lemke(), jc.PrincipalPivoting()
+    with native.unused():
+        here = [jax.vmap(lambda M, q, method=method: jc.solve(jc.LCP(M, q), method))(W, q) for method in methods]
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    jax.clear_caches()  # what was traced for a CPU has its walls
+    for method, expected in zip(methods, here, strict=True):
+        found = jax.vmap(lambda M, q, method=method: jc.solve(jc.LCP(M, q), method))(W, q)
+        assert np.array_equal(found.status, expected.status)
+        np.testing.assert_allclose(found.z, expected.z, rtol=0, atol=1e-9 * np.abs(expected.z).max())
+    jax.clear_caches()

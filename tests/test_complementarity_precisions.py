@@ -51,8 +51,13 @@ def test_answers_of_float32_are_as_accurate_as_promised_and_the_others_are_those
     size = np.abs(exact.z).max(1) + np.abs(exact.w).max(1)
     miss = np.abs(found.solution.z - exact.z).max(1)
     assert (miss <= ACCURACY * size)[~redone].all()
-    for name in ("z", "w", "status", "steps", "residual"):
-        assert np.array_equal(getattr(found.solution, name)[redone], getattr(exact, name)[redone], equal_nan=True), name
+    assert (found.solution.status == exact.status)[redone].all()
+    for name in ("z", "w", "residual"):
+        again, once = getattr(found.solution, name)[redone], getattr(exact, name)[redone]
+        if jax.default_backend() == "cpu":
+            assert np.array_equal(again, once, equal_nan=True), name
+        else:  # libraries for GPUs choose their code by the size of the batch
+            np.testing.assert_allclose(again, once, rtol=1e-9, atol=1e-9 * size[redone].max())
     assert (found.solution.status == Status.SOLVED)[~redone].all()
 
 

@@ -14,6 +14,8 @@ from jaxcontact.linalg.unrolled import milestone
 
 X = jnp.array([0.3, -1.2, 2.5])
 
+of_xla_cpu = pytest.mark.skipif(jax.default_backend() != "cpu", reason="walls are for what XLA does on a CPU")
+
 
 def mixed(x):
     """Vectors, matrices, sums, selections and quotients, as a user writes them."""
@@ -139,6 +141,7 @@ def test_extrema_quantifiers_running_sums_and_counters_are_those_of_the_arrays(s
         jax.tree.map(np.testing.assert_array_equal, fused(function)(poisoned), function(poisoned))
 
 
+@of_xla_cpu
 def test_a_value_with_its_derivative_is_one_loop_and_three_numbers_are_two():
     """Each further loop over the batch costs as much as the bound itself."""
     guides = jc.mechanisms.PainleveKlein()
@@ -191,6 +194,7 @@ def test_more_truth_values_than_bits_of_a_number():
     assert np.array_equal(jax.vmap(linalg.packed(lambda x: x > 0))(x), x > 0)
 
 
+@of_xla_cpu
 def test_what_is_packed_takes_few_loops():
     """Five numbers two by two, and twenty truth values in one, behind one wall."""
     x, M = jnp.ones((64, 4)), jnp.ones((64, 4, 4))
@@ -199,6 +203,7 @@ def test_what_is_packed_takes_few_loops():
     assert sum(" fusion(" in line and "/branch_1_fun/" in line for line in text.splitlines()) == 3 + 1
 
 
+@of_xla_cpu
 @pytest.mark.parametrize("constant", [False, True])
 def test_a_wall_stands_though_its_branches_are_cheap_and_an_argument_is_constant(constant):
     """XLA makes a select of a branch of cheap operations, and takes a branch whose choice it knows."""

@@ -37,8 +37,8 @@ def solve_in_two_precisions(problem, method, start=None, *, accuracy: float = 1e
     """A float64 problem solved in float32 where that is good enough, else in float64; `jax.vmap` for batches, of which
     only the doubtful lanes are solved twice. `redone.sum()` says how many.
 
-    It is meant for where float64 is much slower than float32 and few lanes are in doubt; on CPUs it hardly pays
-    (`python -m benchmarks tradeoff`).
+    It is meant for where float64 is much slower than float32 and few lanes are in doubt; on CPUs it hardly pays, nor on
+    GPUs for computing (`python -m benchmarks tradeoff`, `limits`).
 
     Args:
         problem, method, start: as for `solve`; the problem in float64.

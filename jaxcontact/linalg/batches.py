@@ -15,6 +15,9 @@ from jax.custom_batching import custom_vmap
 WIDEST_VECTOR = 512
 """Bits; XLA itself stops at 256."""
 
+FULL = 2**16
+"""Lanes that keep an accelerator busy."""
+
 
 def in_chunks(function: Callable, lanes: int) -> Callable:
     """`function`, which under vmap runs over at most `lanes` problems at a time.
@@ -29,7 +32,7 @@ def in_chunks(function: Callable, lanes: int) -> Callable:
 
     @custom_vmap
     def many(*arguments):
-        if jax.default_backend() != "cpu":
+        if not _on_cpu():
             return jax.vmap(function)(*arguments)
         return _chunk_by_chunk(jax.vmap(function), lanes, arguments)
 
@@ -56,7 +59,7 @@ def compiler_options() -> dict:
 
     >>> jax.jit(jax.vmap(jnp.sin), compiler_options=compiler_options())
     """
-    return {"xla_cpu_prefer_vector_width": WIDEST_VECTOR} if jax.default_backend() == "cpu" else {}
+    return {"xla_cpu_prefer_vector_width": WIDEST_VECTOR} if _on_cpu() else {}
 
 
 def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
@@ -91,7 +94,7 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
 
 def for_the_few(needed: jax.Array, function: Callable, otherwise, *arguments, lanes: int):
     """As `where_needed`, for a `function` worth the trouble of picking the lanes out of a batch that need it: these
-    alone are computed, at most `lanes` at a time. Not to be differentiated.
+    alone are computed, at most `lanes` at a time, on accelerators FULL. Not to be differentiated.
 
     >>> for_the_few(doubtful, again, first, problem, lanes=256)
     """
@@ -99,7 +102,7 @@ def for_the_few(needed: jax.Array, function: Callable, otherwise, *arguments, la
     @custom_vmap
     def many(needed, otherwise, arguments):
         size = len(needed)
-        width = min(lanes, size)
+        width = min(lanes if _on_cpu() else FULL, size)
         order, count = jnp.argsort(~needed), jnp.sum(needed)
 
         def advance(k, results):
@@ -137,7 +140,8 @@ def walled(function: Callable) -> Callable:
     """`function` as a computation of its own, which XLA neither repeats for each user of its results nor takes apart.
 
     Without the wall a short program that feeds many others is compiled, and run, many times over. The wall is a branch
-    that is always taken, which the compiler cannot know. Not to be differentiated.
+    that is always taken, which the compiler cannot know. On accelerators there is none: the host would have to look at
+    each branch, and XLA compiles and runs these programs quicker without. Not to be differentiated.
 
     >>> jax.vmap(walled(lambda x: x + 1))(jnp.zeros(3))     # ones
     """
@@ -145,6 +149,8 @@ def walled(function: Callable) -> Callable:
 
     @custom_vmap
     def one(*arguments):
+        if not _on_cpu():
+            return function(*arguments)
         shapes = jax.eval_shape(function, *arguments)
 
         def nothing(*_):
@@ -159,6 +165,11 @@ def walled(function: Callable) -> Callable:
         return results, jax.tree.map(lambda _: True, results)
 
     return one
+
+
+def _on_cpu() -> bool:
+    """Whether programs are made for a CPU, as far as one can know while they are traced."""
+    return jax.default_backend() == "cpu"
 
 
 def _always(arguments):

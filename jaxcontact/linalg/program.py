@@ -22,7 +22,7 @@ class Program:
     """
 
     def __init__(self, program: core.Jaxpr, known: Sequence):
-        """`known`: the values of the first inputs. Not as the constants of a Jaxpr: since JAX 0.11 these belong to it."""
+        """`known`: the values of the first inputs; not the constants of the Jaxpr, which JAX 0.11 keeps in it."""
         self._program, self._known = program, known
 
     @classmethod
