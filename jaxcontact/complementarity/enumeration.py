@@ -124,7 +124,7 @@ def _solved_mode(problem, form, mode):
     eps = jnp.finfo(x.dtype).eps
     terms = linalg.greatest(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
-    holds = inside & acceptable(*residuals(problem, form, free, z, w), jnp.inf, x.dtype)
+    holds = inside & acceptable(*residuals(problem, form, free, z, w))
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
     _, stretches = _stretch((sign * x)[:, None], sign[:, None] * kernel)
     family = jnp.any((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0))

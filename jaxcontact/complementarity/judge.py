@@ -77,6 +77,25 @@ class Verdict(NamedTuple):
     condition: jax.Array
 
 
+class Told(NamedTuple):
+    """Truth values about what was measured."""
+
+    finite: jax.Array
+    """the data are"""
+    whole: jax.Array
+    """the point is finite"""
+    small: jax.Array
+    """eta, within BACKWARD_ERROR_BOUND"""
+    telling: jax.Array
+    """rho, within DIGITS_KEPT: eta says enough, whatever the condition"""
+    close: jax.Array
+    """eta, within DIGITS_OF_ABSENCE"""
+    moderate: jax.Array | None = None
+    """the condition, within CONDITION_BOUND, where eta is small and rho does not tell; None: nobody has looked at it"""
+    proved: jax.Array | None = None
+    """the certificate holds, where eta and rho are not small; None likewise"""
+
+
 class Findings(NamedTuple):
     """What was measured, from the caller's data."""
 
@@ -86,12 +105,7 @@ class Findings(NamedTuple):
     active: jax.Array
     degenerate: jax.Array
     condition: jax.Array
-    finite: jax.Array
-    """bool: the data are finite"""
-    whole: jax.Array
-    """bool: the point is"""
-    proved: jax.Array | None = None
-    """bool: the certificate holds, where a kernel has looked at it"""
+    told: Told
 
 
 def judge(problem, claim, kernels=False):
@@ -103,22 +117,20 @@ def judge(problem, claim, kernels=False):
     """
     if kernels and isinstance(problem, LCP):
         found = _measured_by_kernel(problem, claim)
-        ask = _condition_by_kernel, problem, claim.z
     elif isinstance(claim.measured, native.Pairs):
-        found, ask = _measured_with_answer(claim), None
+        found = _measured_with_answer(claim)
     else:
         found = _measured(problem, claim)
-        ask = _condition_at, problem, found.active | found.degenerate
     return Verdict(
         free=claim.free,
         z=claim.z,
         w=found.w,
-        status=_status(problem, claim, found, ask),
+        status=_status(problem, claim, found),
         residual=found.rho,
         backward_error=found.eta,
         active=found.active,
         degenerate=found.degenerate,
-        redundant=~(found.condition <= CONDITION_BOUND / jnp.finfo(claim.z.dtype).eps),
+        redundant=~moderate(found.condition),
         condition=found.condition,
     )
 
@@ -131,7 +143,8 @@ def _measured(problem, claim):
     active, degenerate = _in_one(classify, len(form.q))(problem, form, claim.z, w)
     tight = walled(analysed_inverse)(mode_matrix(form, (active | degenerate).astype(w.dtype)))
     condition = where(tight.deficiency > 0, jnp.inf, tight.condition)
-    return Findings(w, eta, rho, active, degenerate, condition, all_finite(*form), all_finite(claim.z, w, claim.free))
+    told = Told(all_finite(*form), all_finite(claim.z, w, claim.free), small(eta), telling(rho), close(eta))
+    return Findings(w, eta, rho, active, degenerate, condition, told)
 
 
 def _measured_by_kernel(problem, claim):
@@ -140,18 +153,30 @@ def _measured_by_kernel(problem, claim):
     measures = claim.measured or native.measure(M, q, claim.z, claim.certificate)
     w, active, degenerate = native.classify(M, q, claim.z)
     condition = native.condition(M, active | degenerate)
-    return Findings(w, measures.eta, measures.rho, active, degenerate, condition, *_told(measures.flags))
+    return Findings(w, measures.eta, measures.rho, active, degenerate, condition, _told(measures.flags))
 
 
 def _measured_with_answer(claim):
     """The same where the kernel that answered has measured everything."""
     *_, condition, active, degenerate, (eta, rho, flags) = claim.measured
-    return Findings(claim.w, eta, rho, active, degenerate, condition, *_told(flags))
+    return Findings(claim.w, eta, rho, active, degenerate, condition, _told(flags))
+
+
+TOLD = Told(
+    finite=native.DATA_FINITE,
+    whole=native.POINT_FINITE,
+    small=native.SMALL,
+    telling=native.TELLING,
+    close=native.CLOSE,
+    moderate=native.MODERATE,
+    proved=native.PROVED,
+)
+"""The bits of a kernel's flags."""
 
 
 def _told(flags):
-    """(finite, whole, proved) of a kernel's flags."""
-    return tuple(flags & bit != 0 for bit in (native.DATA_FINITE, native.POINT_FINITE, native.PROVED))
+    """What a kernel's flags say."""
+    return Told(*(flags & bit != 0 for bit in TOLD))
 
 
 def _in_one(function, size):
@@ -160,7 +185,7 @@ def _in_one(function, size):
     return packed(function) if size <= SCALARS else function
 
 
-def _status(problem, claim, found, ask):
+def _status(problem, claim, found):
     """Truth table, first line that applies:
 
     data not finite, or a proposed point that overflowed                BAD_INPUT
@@ -171,41 +196,32 @@ def _status(problem, claim, found, ask):
     the method gave a reason                                            that reason
     otherwise                                                           INACCURATE
 
-    ask: a function and its arguments that tell the condition where it matters, so that a caller who does not look at it
-    need not pay for it; None: it is there anyway.
+    The condition and the certificate are looked at where they matter, so that a caller who does not need not pay.
     """
-    eta, rho, dtype = found.eta, found.rho, claim.z.dtype
+    told, false = found.told, jnp.zeros((), bool)
     claims = claim.outcome == int(Status.SOLVED)
     proposes = claims | (claim.outcome == int(Status.NO_SOLUTION))
-    small = eta <= backward_error_bound(dtype)
-    condition = found.condition
-    if ask:
-        function, *given = ask
-        condition = where_needed(small & ~telling(rho), function, jnp.zeros_like(eta), *given)
-    solved = acceptable(eta, rho, condition, dtype)
-    proved = found.proved
+    regular = told.moderate
+    if regular is None:
+        held = found.active | found.degenerate
+        regular = where_needed(told.small & ~told.telling, _moderate_at, false, problem, held)
+    solved = told.small & (told.telling | regular)
+    proved = told.proved
     if proved is None:
-        doubtful, false = found.finite & ~solved, jnp.zeros((), bool)
+        doubtful = told.finite & ~solved
         proved = where_needed(doubtful, _infeasible_somewhere, false, doubtful, problem, claim.certificate)
-    shaky = where(small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
+    shaky = where(told.small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
     good = where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
-    close = eta <= jnp.finfo(dtype).eps ** DIGITS_OF_ABSENCE
-    reason = where(claims | (proposes & close), shaky, claim.outcome)
+    reason = where(claims | (proposes & told.close), shaky, claim.outcome)
     failed = where(proved, int(Status.INFEASIBLE), reason)
     status = where(solved, good, failed)
-    return where(found.finite & (found.whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
+    return where(told.finite & (told.whole | ~proposes), status, int(Status.BAD_INPUT)).astype(jnp.int32)
 
 
-def _condition_at(problem, held):
-    """The condition number of the mode in which the pairs `held` press."""
+def _moderate_at(problem, held):
+    """bool: the condition number of the mode in which the pairs `held` press."""
     form = normal_form(problem)
-    return condition_number(mode_matrix(form, held.astype(form.q.dtype)))
-
-
-def _condition_by_kernel(problem, z):
-    """That of the mode of the point z of an LCP, by compiled kernels."""
-    _, active, degenerate = native.classify(problem.M, problem.q, z)
-    return native.condition(problem.M, active | degenerate)
+    return moderate(condition_number(mode_matrix(form, held.astype(form.q.dtype))))
 
 
 def backward_error_bound(dtype):
@@ -213,15 +229,29 @@ def backward_error_bound(dtype):
     return BACKWARD_ERROR_BOUND[jnp.dtype(dtype).name] * jnp.finfo(dtype).eps
 
 
-def acceptable(eta, rho, condition, dtype):
-    """bool: residuals small enough for SOLVED; NaN is not."""
-    moderate = condition <= CONDITION_BOUND / jnp.finfo(dtype).eps
-    return (eta <= backward_error_bound(dtype)) & (telling(rho) | moderate)
+def acceptable(eta, rho):
+    """bool: residuals small enough for SOLVED, whatever the condition; NaN is not."""
+    return small(eta) & telling(rho)
+
+
+def small(eta):
+    """bool: within BACKWARD_ERROR_BOUND."""
+    return eta <= backward_error_bound(eta.dtype)
+
+
+def close(eta):
+    """bool: within DIGITS_OF_ABSENCE."""
+    return eta <= jnp.finfo(eta.dtype).eps ** DIGITS_OF_ABSENCE
 
 
 def telling(rho):
     """bool: rho is so small that eta says enough, whatever the condition."""
     return rho <= jnp.finfo(rho.dtype).eps ** DIGITS_KEPT
+
+
+def moderate(condition):
+    """bool: the equations are not dependent up to rounding."""
+    return condition <= CONDITION_BOUND / jnp.finfo(condition.dtype).eps
 
 
 def infeasible(problem, form, y):

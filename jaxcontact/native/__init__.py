@@ -25,9 +25,13 @@ KERNELS = ("principal", "lemke", "direct", "gauss_seidel", "measure", "classify"
 
 REALS = {"float64": "double", "float32": "float"}
 
-DATA_FINITE, POINT_FINITE, PROVED, DEPENDENT = 1, 2, 4, 8
+DATA_FINITE, POINT_FINITE, PROVED, DEPENDENT, SMALL, TELLING, CLOSE, MODERATE = (1 << k for k in range(8))
 """Bits of the flags: the data are finite, the point is; the certificate excludes a feasible point; no mode is regular
-(of `pairs` alone)."""
+(of `pairs` alone); eta is small, rho telling, eta close, the condition moderate, as `complementarity.judge` calls it.
+A certificate is looked at where eta and rho are not small, the condition where eta is and rho does not tell."""
+
+OUTCOME = 8
+"""The outcome of a method stands that many bits up in the flags: the status is read from one number."""
 
 _wanted = True
 
@@ -73,7 +77,7 @@ class Measures(NamedTuple):
     rho: jax.Array
     """residual"""
     flags: jax.Array
-    """int32, the bits above; a certificate is looked at where eta and rho are not small"""
+    """int32, the bits above"""
 
 
 class Classes(NamedTuple):
@@ -191,10 +195,9 @@ def pairs(P, N, q) -> Pairs:
 
 
 def _answered(name, certified, M, q, *more, **options) -> Answers:
-    number = _like(q[..., 0], jnp.int32)
-    results = [_like(q), _like(q if certified else q[..., :0]), number, number, *_measures_like(q)]
-    *answer, eta, rho, flags = _call(name, results, M, q, *more, **options)
-    return Answers(*answer, Measures(eta, rho, flags))
+    results = [_like(q), _like(q if certified else q[..., :0]), _like(q[..., 0], jnp.int32), *_measures_like(q)]
+    z, certificate, steps, eta, rho, flags = _call(name, results, M, q, *more, **options)
+    return Answers(z, certificate, flags >> OUTCOME, steps, Measures(eta, rho, flags))
 
 
 def _measures_like(q):

@@ -1,7 +1,8 @@
 // The condition number of the equations of a mode, as in complementarity/inverse.py.
 #pragma once
 
-#include "findings.h"
+#include "group.h"
+#include "proof.h"
 
 namespace jaxcontact {
 

@@ -151,24 +151,26 @@ inline void correct_in_mode(const Group<m, Real>& group, const Lanes<Real> (&mis
 
 // A group of problems.
 template <int m, class Real>
-void direct(GroupJudge<m, Real>& judge, Real* z, Real* certificate, int* outcome) {
+Ended<Real> direct(GroupJudge<m, Real>& judge, Real* z, Real* certificate) {
   using V = Lanes<Real>;
+  using K = Masks<Real>;
   const Given<m, Real>& given = judge.given;
   Group<m, Real> group;
   load(given, group);
   V found[m];
-  Masks<Real> none = ~Masks<Real>{};
+  K none = ~K{};
   if constexpr (m <= 2) {
     Vertices<Real>::template best<m>(group, found);
-    conclude(group, judge, found, 0, [](const V(&)[m], V(&)[m]) {}, z);
+    conclude(group, judge, found, [](K open) { return open; }, z);
   } else {
     none = Minors<m, Real>(group).best(found);
+    const auto correct = [&group](const V(&miss)[m], V(&x)[m]) { correct_in_mode<m, Real>(group, miss, x); };
     conclude(
-        group, judge, found, DirectRules::corrections,
-        [&group](const V(&miss)[m], V(&x)[m]) { correct_in_mode<m, Real>(group, miss, x); }, z);
+        group, judge, found,
+        [&](K open) { return refine_lanes(group, open, found, DirectRules::corrections, correct); }, z);
   }
-  hopeless_rows(given, certificate);
-  write_integers<Real>(none ? Masks<Real>{} + int(NO_SOLUTION) : Masks<Real>{} + int(INACCURATE), given.count, outcome);
+  return {none ? K{} + int(NO_SOLUTION) : K{} + int(INACCURATE),
+          hopeless_rows(given, certificate) ? certificate : nullptr};
 }
 
 }  // namespace jaxcontact

@@ -2,13 +2,47 @@
 // verdict.
 #pragma once
 
-#include "group.h"
-#include "proof.h"
+#include <memory>
+
+#include "condition.h"
 
 namespace jaxcontact {
 
-// Bits of `flags`. PROVED: the certificate excludes a feasible point; DEPENDENT: no mode is regular.
-enum Flags : int { DATA_FINITE = 1, POINT_FINITE = 2, PROVED = 4, DEPENDENT = 8 };
+// Bits of `flags`: what the judge asks of a point. PROVED: the certificate excludes a feasible point; DEPENDENT: no
+// mode is regular; SMALL, TELLING, CLOSE: eta and rho are within these bounds; MODERATE: the condition of the mode is,
+// looked at where eta is small and rho does not tell. The method's outcome stands above, OUTCOME times itself. All in
+// one number, so that nobody reads eta and rho again for the status.
+enum Flags : int {
+  DATA_FINITE = 1,
+  POINT_FINITE = 2,
+  PROVED = 4,
+  DEPENDENT = 8,
+  SMALL = 16,
+  TELLING = 32,
+  CLOSE = 64,
+  MODERATE = 128,
+  OUTCOME = 256
+};
+
+// The bounds that hold.
+template <class Real>
+inline Masks<Real> bounds_held(Lanes<Real> eta, Lanes<Real> rho) {
+  return ((eta <= JudgeRules::backward_error<Real>)&int(SMALL)) | ((rho <= JudgeRules::telling<Real>)&int(TELLING)) |
+         ((eta <= JudgeRules::close<Real>)&int(CLOSE));
+}
+
+template <class Real>
+inline int bounds_held(Real eta, Real rho) {
+  return (eta <= JudgeRules::backward_error<Real> ? SMALL : 0) | (rho <= JudgeRules::telling<Real> ? TELLING : 0) |
+         (eta <= JudgeRules::close<Real> ? CLOSE : 0);
+}
+
+// How a method ended in each lane of a group, and its certificates; null if all are zero.
+template <class Real>
+struct Ended {
+  Masks<Real> outcome;
+  const Real* certificates;
+};
 
 // A problem at a point z: w = M z + q, terms = |M||z| + |q|, t the stiffness of each row, up = 2^rows and down =
 // 2^-rows the balanced units. N: lanes that hold a row of different problems each, or, with Real apart from it, that
@@ -43,7 +77,7 @@ struct Point {
     }
   };
 
-  Shares balanced() const {
+  JAXCONTACT_INLINE Shares balanced() const {
     N Z{}, W{};
     for (int i = 0; i < rows; ++i) {
       Z = larger(Z, size_of(at(z, i)) * at(down, i));
@@ -52,7 +86,7 @@ struct Point {
     return {most(Z), most(W)};
   }
 
-  void errors(N* eta, N* rho) const {
+  JAXCONTACT_INLINE void errors(N* eta, N* rho) const {
     N Z{}, W{}, load{}, miss{}, one{}, other{};
     for (int i = 0; i < rows; ++i) {
       Z = larger(Z, size_of(at(z, i)));
@@ -172,25 +206,48 @@ inline auto clear(N eta, N rho) {
   return (eta <= JudgeRules::backward_error<Real>)&(rho <= JudgeRules::telling<Real>);
 }
 
-// The rest of what is said of a point, once it is final.
+// Whether the equations of the mode of a point are not dependent up to rounding. The workspace that the point lies in
+// is used up.
+template <int S, class Real>
+bool moderate(const Real* M, const Alone<Real>& point, Workspace<Real>& work) {
+  constexpr int W = Format<Real>::width;
+  const std::unique_ptr<bool[]> held(new bool[work.m]);
+  point.classes([&](int group, Masks<Real> active, Masks<Real> degenerate) {
+    for (int lane = 0, i = group * W; lane < W && i < work.m; ++lane, ++i) held[i] = active[lane] | degenerate[lane];
+  });
+  return condition<S>(M, held.get(), work) <= JudgeRules::condition<Real>;
+}
+
+// The same of a problem that is not prepared.
 template <class Real>
-inline void write_flags(const Real* M, int m, const Alone<Real>& point, const Real* certificate,
-                        const Found<Real>& found) {
+__attribute__((noinline)) bool moderate(const Real* M, const Real* q, const Real* z, Workspace<Real>& work) {
+  prepare<0>(M, q, work);
+  copy_row<0>(z, work.m, work.stride, work.z.data());
+  return moderate<0>(M, at_point<0>(work.z.data(), work), work);
+}
+
+// The rest of what is said of a point, once it is final.
+template <int S, class Real>
+inline void write_flags(const Real* M, const Alone<Real>& point, const Real* certificate, int outcome,
+                        Workspace<Real>& work, const Found<Real>& found) {
+  const int m = work.m;
   const Real* identity = nullptr;
+  *found.flags |= bounds_held(*found.eta, *found.rho) | outcome * OUTCOME;
   if (all_finite(M, m * m) && all_finite(point.q, m)) *found.flags |= DATA_FINITE;
   if (!clear<Real>(*found.eta, *found.rho) && proves(M, identity, point.q, certificate, m, point.down, point.up))
     *found.flags |= PROVED;
+  if ((*found.flags & (SMALL | TELLING)) == SMALL && moderate<S>(M, point, work)) *found.flags |= MODERATE;
 }
 
 // One problem of any size.
 template <int S, class Real>
-void findings(const Real* M, const Real* q, const Real* z, const Real* certificate, Workspace<Real>& work,
+void findings(const Real* M, const Real* q, const Real* z, const Real* certificate, int outcome, Workspace<Real>& work,
               const Found<Real>& found) {
   prepare<S>(M, q, work);
   copy_row<S>(z, work.m, work.stride, work.z.data());
   const Alone<Real> point = at_point<S>(work.z.data(), work);
   measure(point, found);
-  write_flags(M, work.m, point, certificate, found);
+  write_flags<S>(M, point, certificate, outcome, work, found);
 }
 
 template <int S, class Real>
@@ -236,7 +293,7 @@ struct GroupJudge {
     }
   }
 
-  Point<V> at(const V (&z)[m]) {
+  JAXCONTACT_INLINE Point<V> at(const V (&z)[m]) {
     for (int i = 0; i < m; ++i) {
       x[i] = z[i];
       w[i] = given.load[i];
@@ -251,7 +308,7 @@ struct GroupJudge {
   }
 
   // Lanes where every row of the point of `at` misses by no more than EXACT eps of its own terms.
-  K settled() const {
+  JAXCONTACT_INLINE K settled() const {
     K all_rows = ~K{};
     for (int i = 0; i < m; ++i) {
       const V allowed = EXACT * eps<Real> * terms[i];
@@ -268,7 +325,7 @@ struct GroupJudge {
     measure(own);
   }
 
-  void measure(const Point<V>& at_z) {
+  JAXCONTACT_INLINE void measure(const Point<V>& at_z) {
     at_z.errors(&eta, &rho);
     V sum{}, point{}, data{};
     for (const V& part : terms) sum += part;
@@ -284,10 +341,11 @@ struct GroupJudge {
     rho = whole ? rho : all(not_a_number<Real>);
   }
 
-  // What was measured last; certificates are looked at where a lane needs one.
-  void write(const Real* certificate, const Found<Real>& found) const {
+  // What was measured last, of the points z; what else may be asked of a lane is looked at where it is.
+  void write(const Ended<Real>& ended, const Real* z, Workspace<Real>& work, const Found<Real>& found) const {
     const int count = given.count;
-    const K flags = (sound ? K{} + int(DATA_FINITE) : K{}) | (whole ? K{} + int(POINT_FINITE) : K{});
+    const K flags = (sound & int(DATA_FINITE)) | (whole & int(POINT_FINITE)) | bounds_held<Real>(eta, rho) |
+                    ended.outcome * int(OUTCOME);
     write_lanes<1>(&eta, count, found.eta);
     write_lanes<1>(&rho, count, found.rho);
     write_integers<Real>(flags, count, found.flags);
@@ -295,20 +353,24 @@ struct GroupJudge {
     if (!any_lane<Real>(doubtful)) return;
     for (int lane = 0; lane < count; ++lane) {
       if (!doubtful[lane]) continue;
+      if (found.flags[lane] & SMALL && moderate(given.M + lane * m * m, given.q + lane * m, z + lane * m, work))
+        found.flags[lane] |= MODERATE;
+      if (!ended.certificates) continue;
       Real unit_z[m], unit_w[m];
       for (int i = 0; i < m; ++i) unit_z[i] = down[i][lane], unit_w[i] = up[i][lane];
       const Real* identity = nullptr;
-      if (proves(given.M + lane * m * m, identity, given.q + lane * m, certificate + lane * m, m, unit_z, unit_w))
+      if (proves(given.M + lane * m * m, identity, given.q + lane * m, ended.certificates + lane * m, m, unit_z,
+                 unit_w))
         found.flags[lane] |= PROVED;
     }
   }
 };
 
-// z of a group in balanced units is cut to z >= 0, corrected where it is not settled, written and measured; the lanes
-// where it is still not close are returned. correct: as in `refine_lanes`.
-template <int m, class Real, class Correct>
-inline Masks<Real> conclude(const Group<m, Real>& group, GroupJudge<m, Real>& judge, Lanes<Real> (&z)[m],
-                            int corrections, Correct correct, Real* to) {
+// z of a group in balanced units is cut to z >= 0, written and measured. Where lanes are not settled, seldom,
+// refine(them) corrects z; the lanes where it is still not close are returned, by `refine` too.
+template <int m, class Real, class Refine>
+inline Masks<Real> conclude(const Group<m, Real>& group, GroupJudge<m, Real>& judge, Lanes<Real> (&z)[m], Refine refine,
+                            Real* to) {
   Lanes<Real> x[m];
   const auto point = [&] {
     for (int i = 0; i < m; ++i) x[i] = cut(z[i]) * group.unit[i] * group.whole;
@@ -316,8 +378,8 @@ inline Masks<Real> conclude(const Group<m, Real>& group, GroupJudge<m, Real>& ju
   };
   Point<Lanes<Real>> found = point();
   Masks<Real> open = ~judge.settled();
-  if (corrections > 0 && any_lane<Real>(open)) {
-    open = refine_lanes(group, open, z, corrections, correct);
+  if (any_lane<Real>(open)) {
+    open = refine(open);
     found = point();
   }
   judge.measure(found);

@@ -13,8 +13,8 @@ struct Sweeps {
 
 // A group of problems, measured as the judge measures them; start: (m) each, or null for zeros.
 template <int m, class Real>
-void gauss_seidel_lanes(const Given<m, Real>& given, const Real* start, const Sweeps& sweeps, Real* z,
-                        Real* certificate, int* outcome, int* steps, const Found<Real>& found) {
+void gauss_seidel_lanes(const Given<m, Real>& given, const Real* start, const Sweeps& sweeps, Workspace<Real>& work,
+                        Real* z, Real* certificate, int* steps, const Found<Real>& found) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
   const int count = given.count;
@@ -38,26 +38,26 @@ void gauss_seidel_lanes(const Given<m, Real>& given, const Real* start, const Sw
     }
   }
   write_lanes<m>(x, count, z);
-  write_integers<Real>(going ? K{} + int(MAX_STEPS) : K{} + int(SOLVED), count, outcome);
   write_integers<Real>(taken, count, steps);
-  hopeless_rows(given, certificate);
-  judge.write(certificate, found);
+  const K outcome = going ? K{} + int(MAX_STEPS) : K{} + int(SOLVED);
+  judge.write({outcome, hopeless_rows(given, certificate) ? certificate : nullptr}, z, work, found);
 }
 
 // One problem of any size.
 template <int S, class Real>
 void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps& sweeps, Workspace<Real>& work, Real* z,
-                  Real* certificate, int* outcome, int* steps, const Found<Real>& found) {
+                  Real* certificate, int* steps, const Found<Real>& found) {
   const int m = work.m, stride = S ? S : work.stride;
   const Real* rows = work.M.data();
   Real *x = work.z.data(), *step = work.values.data();
   prepare<S>(M, q, work);
   for (int i = 0; i < stride; ++i) x[i] = i < m && start ? start[i] : 0;
   for (int i = 0; i < m; ++i) step[i] = M[i * m + i] > 0 ? Real(sweeps.relaxation) / M[i * m + i] : 0;
+  int outcome;
   for (*steps = 0;; ++*steps) {
     measure(at_point<S>(x, work), found);
     const bool going = is_finite(*found.eta) && !(*found.eta <= Real(sweeps.target));
-    *outcome = going ? MAX_STEPS : SOLVED;
+    outcome = going ? MAX_STEPS : SOLVED;
     if (!going || *steps == sweeps.most) break;
     for (int i = 0; i < m; ++i) {
       Lanes<Real> sum{};
@@ -68,7 +68,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   }
   for (int i = 0; i < m; ++i) z[i] = x[i];
   hopeless_row(M, q, m, certificate);
-  write_flags(M, m, at_point<S>(x, work), certificate, found);
+  write_flags<S>(M, at_point<S>(x, work), certificate, outcome, work, found);
 }
 
 }  // namespace jaxcontact

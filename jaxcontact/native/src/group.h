@@ -20,7 +20,7 @@ constexpr bool REGULAR = n <= Format<Real>::width ? (n & (n - 1)) == 0 : n % For
 
 // n numbers of each problem, lane by lane; lanes beyond `count` repeat the first problem.
 template <int n, class Real>
-inline void read_lanes(const Real* from, int count, Lanes<Real>* to) {
+JAXCONTACT_INLINE void read_lanes(const Real* from, int count, Lanes<Real>* to) {
   constexpr int W = Format<Real>::width, block = n < W ? n : W;
   if (REGULAR<n, Real> && count == W) {
     for (int start = 0; start < n; start += block) {
@@ -35,7 +35,7 @@ inline void read_lanes(const Real* from, int count, Lanes<Real>* to) {
 
 // n numbers of each of the first `count` problems, written problem by problem.
 template <int n, class Real>
-inline void write_lanes(const Lanes<Real>* from, int count, Real* to) {
+JAXCONTACT_INLINE void write_lanes(const Lanes<Real>* from, int count, Real* to) {
   constexpr int W = Format<Real>::width;
   if (REGULAR<n, Real> && n <= W && count == W) {
     Lanes<Real> x[n];
@@ -73,7 +73,7 @@ struct Given {
   Lanes<Real> A[m][m], load[m];
   Masks<Real> rows[m], plain = ~Masks<Real>{};
 
-  Given(const Real* M, const Real* q, int count) : M(M), q(q), count(count) {
+  JAXCONTACT_INLINE Given(const Real* M, const Real* q, int count) : M(M), q(q), count(count) {
     read_lanes<m * m>(M, count, &A[0][0]);
     read_lanes<m>(q, count, load);
     for (int i = 0; i < m; ++i) {
@@ -87,7 +87,7 @@ struct Given {
 
 // One lane balanced with care by the code for single problems.
 template <int m, class Real>
-void balance_lane(const Real* M, const Real* q, int lane, Group<m, Real>& group) {
+__attribute__((noinline)) void balance_lane(const Real* M, const Real* q, int lane, Group<m, Real>& group) {
   constexpr int stride = padded<Real>(m);
   int rows[m];
   alignas(64) Real unit[stride], T[m * stride], load[stride];
@@ -102,7 +102,7 @@ void balance_lane(const Real* M, const Real* q, int lane, Group<m, Real>& group)
 
 // The problems of a group, balanced by powers of two.
 template <int m, class Real>
-inline void load(const Given<m, Real>& given, Group<m, Real>& group) {
+JAXCONTACT_INLINE void load(const Given<m, Real>& given, Group<m, Real>& group) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
   constexpr int room = ROOM<Real>;
@@ -155,8 +155,8 @@ inline V cut(V x) {
   return x < 0 ? V{} : x;
 }
 
-// A row misses by no more than CLOSE eps of the largest terms: a quarter of what the judge allows.
-constexpr int CLOSE = 64;
+// A row misses by no more than ENOUGH eps of the largest terms: a quarter of what the judge allows.
+constexpr int ENOUGH = 64;
 
 // `refine` of tableau.h for the open lanes of a group; those where it is not close are returned. correct(miss, z):
 // subtract from z what the bases say of the miss.
@@ -177,7 +177,7 @@ inline Masks<Real> refine_lanes(const Group<m, Real>& group, Masks<Real> open, L
     least = better ? found : least;
   }
   for (int i = 0; i < m; ++i) z[i] = best[i];
-  const Masks<Real> doubtful = open & ~(least <= CLOSE * eps<Real>);
+  const Masks<Real> doubtful = open & ~(least <= ENOUGH * eps<Real>);
   if (!any_lane<Real>(doubtful)) return doubtful;
   V size{};
   for (int i = 0; i < m; ++i) {
@@ -185,22 +185,22 @@ inline Masks<Real> refine_lanes(const Group<m, Real>& group, Masks<Real> open, L
     for (int j = 0; j < m; ++j) terms += size_of(group.M[i][j] * z[j]);
     size = larger(size, terms);
   }
-  return doubtful & ~(least <= CLOSE * eps<Real> * size);
+  return doubtful & ~(least <= ENOUGH * eps<Real> * size);
 }
 
-// `hopeless_row` of every problem.
+// `hopeless_row` of every problem; written, and true, only if there is one.
 template <int m, class Real>
-inline void hopeless_rows(const Given<m, Real>& given, Real* certificate) {
-  std::memset(certificate, 0, sizeof(Real) * m * given.count);
+inline bool hopeless_rows(const Given<m, Real>& given, Real* certificate) {
   Masks<Real> any{};
   for (int i = 0; i < m; ++i) {
     Masks<Real> hopeless = given.load[i] < 0;
     for (int j = 0; j < m; ++j) hopeless &= given.A[i][j] <= 0;
     any |= hopeless;
   }
-  if (!any_lane<Real>(any)) return;
+  if (!any_lane<Real>(any)) return false;
   for (int lane = 0; lane < given.count; ++lane)
     hopeless_row(given.M + lane * m * m, given.q + lane * m, m, certificate + lane * m);
+  return true;
 }
 
 }  // namespace jaxcontact

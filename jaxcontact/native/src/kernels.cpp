@@ -31,37 +31,40 @@ constexpr int AHEAD = 2, AHEAD_LIMIT = 5;
 // So many pieces are worth a pause of some fifty microseconds.
 constexpr int64_t MANY = 8;
 
-// run(first, last) over pieces of [0, total) on all threads of the pool and this one. It waits only for pieces that
-// have begun, so that a full pool cannot stop it.
-template <class Run>
-void in_pieces(ffi::ThreadPool& pool, int64_t total, int64_t per_problem, int64_t grain, Run run) {
+// begin()(first, last) over pieces of [0, total) on all threads of the pool and this one; each thread begins once. It
+// waits only for pieces that have begun, so that a full pool cannot stop it.
+template <class Begin>
+void in_pieces(ffi::ThreadPool& pool, int64_t total, int64_t per_problem, int64_t grain, Begin begin) {
   int64_t length = (PIECE / per_problem + grain - 1) / grain * grain;
   length = length < grain ? grain : length;
   const int64_t count = (total + length - 1) / length;
-  if (count <= 1) return run(0, total);
+  if (count <= 1) return begin()(0, total);
   struct Shared {
     std::atomic<int64_t> next{0}, done{0};
     std::atomic<bool> helped{false};
   };
   auto shared = std::make_shared<Shared>();
-  auto take = [shared, run, total, length, count]() mutable {
+  auto take = [shared, total, length, count](auto& run) {
     const int64_t k = shared->next.fetch_add(1);
     if (k >= count) return false;
     run(k * length, (k + 1) * length < total ? (k + 1) * length : total);
     shared->done.fetch_add(1, std::memory_order_release);
     return true;
   };
-  auto help = [shared, take]() mutable {
+  auto help = [shared, take, begin, count] {
     shared->helped = true;
-    while (take()) continue;
+    if (shared->next >= count) return;
+    auto run = begin();
+    while (take(run)) continue;
   };
   const int64_t helpers = pool.num_threads() < count ? pool.num_threads() : count;
   for (int64_t k = 1; k < helpers; ++k) pool.Schedule(decltype(help)(help));
-  take();
+  auto run = begin();
+  take(run);
   // A helper may have been woken on this very core, behind this thread, and stay there for a millisecond while another
   // core is idle. The scheduler looks for an idle one again when a thread wakes up.
   if (helpers > 1 && count > MANY && !shared->helped) std::this_thread::sleep_for(std::chrono::microseconds(1));
-  while (take()) continue;
+  while (take(run)) continue;
   while (shared->done.load(std::memory_order_acquire) < count) std::this_thread::yield();
 }
 
@@ -117,12 +120,17 @@ inline int64_t problems(const Vectors& q) {
 // Where results go: what a method says of a problem, and what is measured of it while it is still at hand.
 struct Results {
   Real *z, *certificate;  // no certificate: it is only looked at
-  int32_t *outcome, *steps;
+  int32_t* steps;
   Found<Real> found;
   int64_t m;
 
   Real* certificate_at(int64_t b, Workspace<Real>& work) const {
     return certificate ? certificate + b * m : work.certificate.data();
+  }
+  // For a group that may write none: zeros, if anybody sees them.
+  Real* certificates_at(int64_t b, int count, Workspace<Real>& work) const {
+    if (certificate) std::memset(certificate + b * m, 0, sizeof(Real) * m * count);
+    return certificate_at(b, work);
   }
   Found<Real> found_at(int64_t b) const { return {found.eta + b, found.rho + b, found.flags + b}; }
 };
@@ -132,23 +140,24 @@ struct Results {
 template <class OfGroup, class Alone>
 ffi::Error over_problems(ffi::ThreadPool& pool, int64_t total, int64_t m, int64_t weight, bool grouped, int extra,
                          OfGroup of_group, Alone alone) {
-  in_pieces(pool, total, m * m * weight, grouped ? W : 1, [=](int64_t first, int64_t last) {
-    Workspace<Real> work(int(m), extra);
-    if (grouped) {
-      with_few_contacts(int(m), [&](auto size) {
-        for (int64_t b = first; b < last; b += W) of_group(size, b, int(last - b < W ? last - b : W), work);
+  in_pieces(pool, total, m * m * weight, grouped ? W : 1, [=] {
+    return [=, work = Workspace<Real>(int(m), extra)](int64_t first, int64_t last) mutable {
+      if (grouped) {
+        with_few_contacts(int(m), [&](auto size) {
+          for (int64_t b = first; b < last; b += W) of_group(size, b, int(last - b < W ? last - b : W), work);
+        });
+        return;
+      }
+      with_stride<Real>(work.stride, [&](auto stride) {
+        for (int64_t b = first; b < last; ++b) alone(stride, b, work);
       });
-      return;
-    }
-    with_stride<Real>(work.stride, [&](auto stride) {
-      for (int64_t b = first; b < last; ++b) alone(stride, b, work);
-    });
+    };
   });
   return ffi::Error::Success();
 }
 
-// All problems by a method, each measured: of_group(judge, b, work, certificate) leaves the measures in the judge;
-// alone(stride, b, work, certificate) is measured behind it.
+// All problems by a method, each measured: of_group(judge, b, work) says how it `Ended` and leaves the
+// measures in the judge; alone(stride, b, work, certificate) says its outcome and is measured behind it.
 template <class OfGroup, class Alone>
 ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results& to, bool grouped, int extra,
                   OfGroup of_group, Alone alone) {
@@ -157,28 +166,26 @@ ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results
   return over_problems(
       pool, problems(q_), m, 1, grouped, extra,
       [=](auto size, int64_t b, int count, Workspace<Real>& work) {
-        Real* certificate = to.certificate_at(b, work);
         if constexpr (size() <= AHEAD_LIMIT)
           for (int64_t k = 0; k < W * m * m; k += LINE) __builtin_prefetch(M + (b + AHEAD * W) * m * m + k);
         const Given<size(), Real> given(M + b * m * m, q + b * m, count);
         GroupJudge<size(), Real> judge(given);
-        of_group(judge, b, work, certificate);
-        judge.write(certificate, to.found_at(b));
+        const Ended<Real> ended = of_group(judge, b, work);
+        judge.write(ended, to.z + b * m, work, to.found_at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         Real* certificate = to.certificate_at(b, work);
-        alone(stride, b, work, certificate);
-        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, certificate, work, to.found_at(b));
+        const int outcome = alone(stride, b, work, certificate);
+        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, certificate, outcome, work, to.found_at(b));
       });
 }
 
-#define JAXCONTACT_RESULTS                                                                                \
-  ToNumbers z, ToNumbers certificate, ToIntegers outcome, ToIntegers steps, ToNumbers eta, ToNumbers rho, \
-      ToIntegers flags
-#define JAXCONTACT_TO                                                                                             \
-  Results {                                                                                                       \
-    z->typed_data(), certificate->element_count() ? certificate->typed_data() : nullptr, outcome->typed_data(),   \
-        steps->typed_data(), Found<Real>{eta->typed_data(), rho->typed_data(), flags->typed_data()}, contacts(q_) \
+#define JAXCONTACT_RESULTS \
+  ToNumbers z, ToNumbers certificate, ToIntegers steps, ToNumbers eta, ToNumbers rho, ToIntegers flags
+#define JAXCONTACT_TO                                                                                         \
+  Results {                                                                                                   \
+    z->typed_data(), certificate->element_count() ? certificate->typed_data() : nullptr, steps->typed_data(), \
+        Found<Real>{eta->typed_data(), rho->typed_data(), flags->typed_data()}, contacts(q_)                  \
   }
 
 ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans wanted_, int64_t budget_,
@@ -190,12 +197,15 @@ ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans want
   const bool* wanted = wanted_.element_count() ? wanted_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED && !wanted, 0,
-      [=](auto& judge, int64_t b, Workspace<Real>& work, Real* certificate) {
-        principal_lanes(judge, budget, work, to.z + b * m, certificate, to.outcome + b, to.steps + b);
+      [=](auto& judge, int64_t b, Workspace<Real>& work) {
+        Real* certificate = to.certificates_at(b, judge.given.count, work);
+        return principal_lanes(judge, budget, work, to.z + b * m, certificate, to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
+        int outcome;
         principal<stride()>(M + b * m * m, q + b * m, wanted ? wanted + b * m : nullptr, budget, work, to.z + b * m,
-                            certificate, to.outcome + b, to.steps + b);
+                            certificate, &outcome, to.steps + b);
+        return outcome;
       });
 }
 
@@ -207,13 +217,16 @@ ffi::Error Lemke(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers covering_
   const Real* covering = covering_.element_count() ? covering_.typed_data() : nullptr;
   return solved(
       pool, M_, q_, to, m <= GROUPED, 1,
-      [=](auto& judge, int64_t b, Workspace<Real>& work, Real* certificate) {
-        lemke_lanes(judge, covering ? covering + b * m : nullptr, budget, work, to.z + b * m, certificate,
-                    to.outcome + b, to.steps + b);
+      [=](auto& judge, int64_t b, Workspace<Real>& work) {
+        Real* certificate = to.certificates_at(b, judge.given.count, work);
+        return lemke_lanes(judge, covering ? covering + b * m : nullptr, budget, work, to.z + b * m, certificate,
+                           to.steps + b);
       },
       [=](auto stride, int64_t b, Workspace<Real>& work, Real* certificate) {
+        int outcome;
         lemke<stride()>(M + b * m * m, q + b * m, covering ? covering + b * m : nullptr, budget, work, to.z + b * m,
-                        certificate, to.outcome + b, to.steps + b);
+                        certificate, &outcome, to.steps + b);
+        return outcome;
       });
 }
 
@@ -222,12 +235,15 @@ ffi::Error Direct(ffi::ThreadPool pool, Numbers M_, Numbers q_, JAXCONTACT_RESUL
   const int64_t m = to.m;
   return solved(
       pool, M_, q_, to, true, 0,
-      [=](auto& judge, int64_t b, Workspace<Real>&, Real* certificate) {
+      [=](auto& judge, int64_t b, Workspace<Real>& work) {
         constexpr int size = sizeof(judge.given.load) / sizeof(judge.given.load[0]);
-        if constexpr (size <= DIRECT_LIMIT) direct(judge, to.z + b * m, certificate, to.outcome + b);
         std::memset(to.steps + b, 0, sizeof(int) * judge.given.count);
+        if constexpr (size <= DIRECT_LIMIT)
+          return direct(judge, to.z + b * m, to.certificates_at(b, judge.given.count, work));
+        else
+          return Ended<Real>{};
       },
-      [](auto...) {});
+      [](auto&&...) { return 0; });
 }
 
 ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers start_, int64_t most, double relaxation,
@@ -241,12 +257,12 @@ ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers sta
       pool, problems(q_), m, SWEEPS_PER_PIECE, m <= GROUPED, 0,
       [=](auto size, int64_t b, int count, Workspace<Real>& work) {
         const Given<size(), Real> given(M + b * m * m, q + b * m, count);
-        gauss_seidel_lanes(given, start ? start + b * m : nullptr, sweeps, to.z + b * m, to.certificate_at(b, work),
-                           to.outcome + b, to.steps + b, to.found_at(b));
+        gauss_seidel_lanes(given, start ? start + b * m : nullptr, sweeps, work, to.z + b * m,
+                           to.certificates_at(b, count, work), to.steps + b, to.found_at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         gauss_seidel<stride()>(M + b * m * m, q + b * m, start ? start + b * m : nullptr, sweeps, work, to.z + b * m,
-                               to.certificate_at(b, work), to.outcome + b, to.steps + b, to.found_at(b));
+                               to.certificate_at(b, work), to.steps + b, to.found_at(b));
       });
 }
 
@@ -255,13 +271,16 @@ ffi::Error Measure(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, Num
   const Results to{z_.typed_data(),
                    certificate_.typed_data(),
                    nullptr,
-                   nullptr,
                    {eta->typed_data(), rho->typed_data(), flags->typed_data()},
                    contacts(q_)};
   const Real* z = z_.typed_data();
   return solved(
       pool, M_, q_, to, to.m <= GROUPED, 0,
-      [=](auto& judge, int64_t b, Workspace<Real>&, Real*) { judge.measure(z + b * to.m); }, [](auto&&...) {});
+      [=](auto& judge, int64_t b, Workspace<Real>&) {
+        judge.measure(z + b * to.m);
+        return Ended<Real>{{}, to.certificate + b * to.m};
+      },
+      [](auto&&...) { return int(SOLVED); });
 }
 
 ffi::Error Classify(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, ToNumbers w_, ToBooleans active_,
@@ -325,7 +344,7 @@ ffi::Error OfPairs(ffi::ThreadPool pool, Numbers P_, Numbers N_, Numbers q_, ToN
 #define JAXCONTACT_NAME(kernel) JAXCONTACT_JOIN(jaxcontact_, kernel, JAXCONTACT_REAL)
 #define JAXCONTACT_BIND xla::ffi::Ffi::Bind().Ctx<xla::ffi::ThreadPool>()
 #define JAXCONTACT_INTEGERS Ret<ffi::Buffer<ffi::S32>>()
-#define JAXCONTACT_ANSWER Ret<Numbers>().Ret<Numbers>().JAXCONTACT_INTEGERS.JAXCONTACT_INTEGERS
+#define JAXCONTACT_ANSWER Ret<Numbers>().Ret<Numbers>().JAXCONTACT_INTEGERS
 #define JAXCONTACT_FOUND Ret<Numbers>().Ret<Numbers>().JAXCONTACT_INTEGERS
 #define JAXCONTACT_CLASSES Ret<Booleans>().Ret<Booleans>()
 

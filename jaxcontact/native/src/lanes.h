@@ -61,6 +61,19 @@ constexpr Real not_a_number = std::numeric_limits<Real>::quiet_NaN();
 template <class V>
 using Number = std::remove_reference_t<decltype(V{}[0])>;
 
+#define JAXCONTACT_INLINE inline __attribute__((always_inline))
+
+// body(i) for i = 0 ... n - 1, each a constant, so that small arrays which it indexes can live in registers.
+template <class Body, int... i>
+JAXCONTACT_INLINE void each(Body body, std::integer_sequence<int, i...>) {
+  (body(std::integral_constant<int, i>{}), ...);
+}
+
+template <int n, class Body>
+JAXCONTACT_INLINE void each(Body body) {
+  each(body, std::make_integer_sequence<int, n>{});
+}
+
 template <class Real>
 inline Lanes<Real> all(Real x) {
   return x - Lanes<Real>{};
@@ -199,7 +212,7 @@ inline V upper_halves(V a, V b) {
 
 // n groups as they stand in memory, n numbers to a problem, to number j of all problems in x[j]; n a power of two.
 template <int n, class V>
-inline void by_number(V* x) {
+JAXCONTACT_INLINE void by_number(V* x) {
   if constexpr (n > 1) {
     V even[n / 2], odd[n / 2];
     for (int k = 0; k < n / 2; ++k) even[k] = evens(x[2 * k], x[2 * k + 1]), odd[k] = odds(x[2 * k], x[2 * k + 1]);
@@ -210,7 +223,7 @@ inline void by_number(V* x) {
 
 // The reverse.
 template <int n, class V>
-inline void by_problem(V* x) {
+JAXCONTACT_INLINE void by_problem(V* x) {
   if constexpr (n > 1) {
     V even[n / 2], odd[n / 2];
     for (int k = 0; k < n / 2; ++k) even[k] = x[2 * k], odd[k] = x[2 * k + 1];

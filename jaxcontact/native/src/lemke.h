@@ -152,8 +152,8 @@ void lemke(const Real* M, const Real* q, const Real* covering, int budget, Works
 
 // A group of problems. A lane with a tie, a ray or a long path is left to `lemke`.
 template <int m, class Real>
-void lemke_lanes(GroupJudge<m, Real>& judge, const Real* covering, int budget, Workspace<Real>& work, Real* z,
-                 Real* certificate, int* outcome, int* steps) {
+Ended<Real> lemke_lanes(GroupJudge<m, Real>& judge, const Real* covering, int budget, Workspace<Real>& work, Real* z,
+                        Real* certificate, int* steps) {
   using V = Lanes<Real>;
   using K = Masks<Real>;
   constexpr int n = m + 1, longest = 8 * m;
@@ -260,17 +260,21 @@ void lemke_lanes(GroupJudge<m, Real>& judge, const Real* covering, int budget, W
     }
     for (int j = 0; j < m; ++j) x[j] -= of_z(sums, j);
   };
-  conclude(group, judge, found, REFINEMENTS, correct, z);
-  write_integers<Real>(Masks<Real>{} + int(SOLVED), count, outcome);
+  conclude(group, judge, found, [&](K open) { return refine_lanes(group, open, found, REFINEMENTS, correct); }, z);
   write_integers<Real>(taken, count, steps);
+  Ended<Real> ended{K{} + int(SOLVED), nullptr};
+  if (budget >= longest && !any_lane<Real>(alone)) return ended;
   std::memset(certificate, 0, sizeof(Real) * m * count);
-  if (budget >= longest && !any_lane<Real>(alone)) return;
+  ended.certificates = certificate;
   for (int lane = 0; lane < count; ++lane) {
-    if (alone[lane] || budget < longest)
-      lemke<0>(given.M + lane * m * m, given.q + lane * m, covering ? covering + lane * m : nullptr, budget, work,
-               z + lane * m, certificate + lane * m, outcome + lane, steps + lane);
+    if (!alone[lane] && budget >= longest) continue;
+    int outcome;
+    lemke<0>(given.M + lane * m * m, given.q + lane * m, covering ? covering + lane * m : nullptr, budget, work,
+             z + lane * m, certificate + lane * m, &outcome, steps + lane);
+    ended.outcome[lane] = outcome;
   }
   judge.measure(z);
+  return ended;
 }
 
 }  // namespace jaxcontact

@@ -209,9 +209,9 @@ struct Pairs {
     write_lanes<1>(&rho, count, to.found.rho);
     write_masks<m, Real>(active, count, to.active);
     write_masks<m, Real>(degenerate, count, to.degenerate);
-    const K none{}, settled = clear<Real>(eta, rho);
-    write_integers<Real>((data == 0 ? none + int(DATA_FINITE) : none) | (whole ? none + int(POINT_FINITE) : none) |
-                             (dependent ? none + int(DEPENDENT) : none),
+    const K settled = clear<Real>(eta, rho);
+    write_integers<Real>(((data == 0) & int(DATA_FINITE)) | (whole & int(POINT_FINITE)) | (dependent & int(DEPENDENT)) |
+                             bounds_held<Real>(eta, rho) | ((condition <= JudgeRules::condition<Real>)&int(MODERATE)),
                          count, to.found.flags);
     if (!any_lane<Real>(~settled)) return;
     for (int lane = 0; lane < count; ++lane) {

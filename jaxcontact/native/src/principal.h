@@ -106,104 +106,144 @@ template <int m, class Real>
 struct Turns {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  V T[m][m], values[m], floor_z, floor_w;  // below these a value of z, of w, is negative
-  K active[m] = {}, taken{};
+  static constexpr bool fits = m <= 4;  // a tableau in the registers of the widest kind
+  V T[m][m], values[m];
+  V floor_z = all(-PrincipalRules::negative<Real>), floor_w = floor_z;  // values below are negative
+  K active[m] = {}, taken{}, solved{};
 
-  explicit Turns(const Group<m, Real>& group) {
-    for (int i = 0; i < m; ++i) {
-      values[i] = group.q[i];
-      for (int j = 0; j < m; ++j) T[i][j] = group.M[i][j];
+  // kept: the final tableau is wanted too.
+  explicit Turns(const Group<m, Real>& group, bool kept) {
+    if constexpr (!fits) {
+      each<m>([&](auto i) {
+        values[i] = group.q[i];
+        each<m>([&](auto j) { T[i][j] = group.M[i][j]; });
+      });
     }
-    for (int round = 0; round < PrincipalRules::quick; ++round) {
-      floors();
-      if (!turns(std::make_integer_sequence<int, m>{})) return;
-    }
+    bool any = fits ? turns(group.M, group.q, kept) : turns(T, values, kept);
+    for (int round = 1; round < PrincipalRules::quick && any && any_lane<Real>(~solved); ++round)
+      any = turns(T, values, kept);
   }
 
-  void floors() {
+  // A turn for each row, or two while the tableau is in registers; whether one was taken. The floors follow the values
+  // from one call to the next, so that no turn has to wait for them.
+  bool turns(const V (&from_T)[m][m], const V (&from_values)[m], bool kept) {
+    bool any = false;
+    if constexpr (fits) {
+      V t[m][m], x[m];
+      each<m>([&](auto i) {
+        x[i] = from_values[i];
+        each<m>([&](auto j) { t[i][j] = from_T[i][j]; });
+      });
+      each<2 * m>([&](auto k) { any |= turn<k % m>(t, x); });
+      measure(x);
+      each<m>([&](auto i) { values[i] = x[i]; });
+      if (kept || any_lane<Real>(~solved)) each<m>([&](auto i) { each<m>([&](auto j) { T[i][j] = t[i][j]; }); });
+    } else {
+      each<m>([&](auto r) { any |= turn<r>(T, values); });
+      measure(values);
+    }
+    return any;
+  }
+
+  JAXCONTACT_INLINE void measure(const V (&x)[m]) {
     V size_z{}, size_w = all(Real(1));
     for (int i = 0; i < m; ++i) {
-      const V size = size_of(values[i]);
+      const V size = size_of(x[i]);
       size_w = larger(size_w, size);
       size_z = active[i] ? larger(size_z, size) : size_z;
     }
     floor_z = -PrincipalRules::negative<Real> * size_z, floor_w = -PrincipalRules::negative<Real> * size_w;
+    solved = ~K{};
+    for (int i = 0; i < m; ++i) solved &= ~negative(i, x[i]);
   }
 
-  K negative(int i) const { return values[i] < (active[i] ? floor_z : floor_w); }
-
-  K solved() {
-    K any{};
-    floors();
-    for (int i = 0; i < m; ++i) any |= negative(i);
-    return ~any;
-  }
-
-  // One turn for each row; whether one was taken.
-  template <int... r>
-  bool turns(std::integer_sequence<int, r...>) {
-    return (turn<r>() | ...);
-  }
+  K negative(int i, V value) const { return value < (active[i] ? floor_z : floor_w); }
 
   template <int r>
-  bool turn() {
-    const V pivot = T[r][r];
-    const K go = negative(r) & (pivot > PrincipalRules::pivot<Real>);
+  JAXCONTACT_INLINE bool turn(V (&t)[m][m], V (&x)[m]) {
+    const V pivot = t[r][r];
+    const K go = negative(r, x[r]) & (pivot > PrincipalRules::pivot<Real>);
     if (!any_lane<Real>(go)) return false;
     const V inverse = 1 / pivot;  // not used where the lane does not go
     V across[m];
-    for (int j = 0; j < m; ++j) across[j] = T[r][j] * -inverse;
-    const V step = values[r] * -inverse;
-    for (int i = 0; i < m; ++i) {
-      if (i == r) continue;
-      const V left = T[i][r];
-      for (int j = 0; j < m; ++j)
-        if (j != r) T[i][j] = go ? T[i][j] + left * across[j] : T[i][j];
-      T[i][r] = go ? left * inverse : left;
-      values[i] = go ? values[i] + left * step : values[i];
+    each<m>([&](auto j) { across[j] = t[r][j] * -inverse; });
+    const V step = x[r] * -inverse;
+    const auto exchange = [&](auto i) {
+      const V left = t[i][r];
+      const auto entry = [&](auto j) {
+        if (j != r) t[i][j] = go ? t[i][j] + left * across[j] : t[i][j];
+      };
+      if constexpr (fits) {
+        each<m>(entry);
+      } else {
+        for (int j = 0; j < m; ++j) entry(j);
+      }
+      t[i][r] = go ? left * inverse : left;
+      x[i] = go ? x[i] + left * step : x[i];
+    };
+    if constexpr (fits) {
+      each<m>([&](auto i) {
+        if constexpr (i != r) exchange(i);
+      });
+    } else {
+      for (int i = 0; i < m; ++i)
+        if (i != r) exchange(i);
     }
-    for (int j = 0; j < m; ++j) T[r][j] = go ? across[j] : T[r][j];
-    T[r][r] = go ? inverse : pivot;
-    values[r] = go ? step : values[r];
+    each<m>([&](auto j) { t[r][j] = go ? across[j] : t[r][j]; });
+    t[r][r] = go ? inverse : pivot;
+    x[r] = go ? step : x[r];
     active[r] ^= go;
     taken -= go;
     return true;
   }
 };
 
+// `refine_lanes` by the final tableau of the turns, which are taken again for it: it is seldom asked for, and what
+// would have to be kept for it is most of what turns write.
+template <int m, class Real>
+__attribute__((noinline)) Masks<Real> refine_turns(const Given<m, Real>& given, Masks<Real> open, Lanes<Real> (&z)[m]) {
+  using V = Lanes<Real>;
+  Group<m, Real> group;
+  load(given, group);
+  const Turns<m, Real> turns(group, true);
+  return refine_lanes(group, open, z, REFINEMENTS, [&turns](const V(&miss)[m], V(&x)[m]) {
+    for (int i = 0; i < m; ++i) {
+      V sum{};
+      for (int j = 0; j < m; ++j) sum += turns.active[j] ? turns.T[i][j] * miss[j] : V{};
+      x[i] -= turns.active[i] ? sum : V{};
+    }
+  });
+}
+
 // A group of problems without warm start. A lane that turns do not solve, or not well, is left to `principal`.
 template <int m, class Real>
-void principal_lanes(GroupJudge<m, Real>& judge, int budget, Workspace<Real>& work, Real* z, Real* certificate,
-                     int* outcome, int* steps) {
-  using V = Lanes<Real>;
+Ended<Real> principal_lanes(GroupJudge<m, Real>& judge, int budget, Workspace<Real>& work, Real* z, Real* certificate,
+                            int* steps) {
   using K = Masks<Real>;
   const Given<m, Real>& given = judge.given;
   const int count = given.count;
+  Lanes<Real> found[m];
   Group<m, Real> group;
   load(given, group);
-  Turns<m, Real> turns(group);
-  V found[m];
-  for (int i = 0; i < m; ++i) found[i] = turns.active[i] ? turns.values[i] : V{};
-  K left = ~turns.solved() | (turns.taken > budget);
-  left |= conclude(
-      group, judge, found, REFINEMENTS,
-      [&turns](const V(&miss)[m], V(&x)[m]) {
-        for (int i = 0; i < m; ++i) {
-          V sum{};
-          for (int j = 0; j < m; ++j) sum += turns.active[j] ? turns.T[i][j] * miss[j] : V{};
-          x[i] -= turns.active[i] ? sum : V{};
-        }
-      },
-      z);
-  write_integers<Real>(K{} + int(SOLVED), count, outcome);
-  write_integers<Real>(turns.taken, count, steps);
+  const Turns<m, Real> turns(group, false);
+  for (int i = 0; i < m; ++i) found[i] = turns.active[i] ? turns.values[i] : Lanes<Real>{};
+  const K taken = turns.taken;
+  K left = ~turns.solved | (taken > budget);
+  left |= conclude(group, judge, found, [&](K open) { return refine_turns<m, Real>(given, open, found); }, z);
+  write_integers<Real>(taken, count, steps);
+  Ended<Real> ended{K{} + int(SOLVED), nullptr};
+  if (!any_lane<Real>(left)) return ended;
   std::memset(certificate, 0, sizeof(Real) * m * count);
-  if (!any_lane<Real>(left)) return;
-  for (int lane = 0; lane < count; ++lane)
-    if (left[lane])
-      principal<padded<Real>(m)>(given.M + lane * m * m, given.q + lane * m, nullptr, budget, work, z + lane * m,
-                                 certificate + lane * m, outcome + lane, steps + lane);
+  ended.certificates = certificate;
+  for (int lane = 0; lane < count; ++lane) {
+    if (!left[lane]) continue;
+    int outcome;
+    principal<padded<Real>(m)>(given.M + lane * m * m, given.q + lane * m, nullptr, budget, work, z + lane * m,
+                               certificate + lane * m, &outcome, steps + lane);
+    ended.outcome[lane] = outcome;
+  }
   judge.measure(z);
+  return ended;
 }
 
 }  // namespace jaxcontact

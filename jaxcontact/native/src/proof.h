@@ -5,13 +5,18 @@
 
 namespace jaxcontact {
 
-// backward_error and telling: an answer within both needs no certificate, whatever the judge says of the rest.
+// backward_error, telling, close, condition: BACKWARD_ERROR_BOUND eps, eps^DIGITS_KEPT, eps^DIGITS_OF_ABSENCE and
+// CONDITION_BOUND / eps of judge.py.
 struct JudgeRules {
   static constexpr int degeneracy = 64, pivot_floor = 16, certificate = 64;
   template <class Real>
   static constexpr Real backward_error = (sizeof(Real) == 8 ? 256 : 16) * eps<Real>;
   template <class Real>
-  static constexpr Real telling = sizeof(Real) == 8 ? Real(1) / (1 << 13) : Real(1) / (1 << 6);
+  static constexpr Real telling = sizeof(Real) == 8 ? Real(0x1p-13) : Real(0x1.306fep-6);
+  template <class Real>
+  static constexpr Real close = sizeof(Real) == 8 ? Real(0x1p-26) : Real(0x1.6a09e6p-12);
+  template <class Real>
+  static constexpr Real condition = 1 / (64 * eps<Real>);
 };
 
 // y'A_j with the error of twice the working precision (Dot2 of Ogita, Rump and Oishi), and |y|'|A_j|.
