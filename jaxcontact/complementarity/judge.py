@@ -57,8 +57,8 @@ class Claim(NamedTuple):
     """(k + m,) a row combination y said to prove that no feasible point exists; zeros if there is none."""
     dependent: jax.Array | bool = False
     """bool: no mode of the problem is regular, so that only part of a solution is determined"""
-    measured: native.Measures | native.Pairs | None = None
-    """what a kernel found of the point, where one has already looked"""
+    judged: native.Judged | native.Pairs | None = None
+    """what a kernel says of the point, where one has looked: then it says all of it"""
 
 
 class Verdict(NamedTuple):
@@ -105,7 +105,8 @@ class Findings(NamedTuple):
     active: jax.Array
     degenerate: jax.Array
     condition: jax.Array
-    told: Told
+    told: Told | None
+    """None where the status is there already"""
 
 
 def judge(problem, claim, kernels=False):
@@ -117,15 +118,17 @@ def judge(problem, claim, kernels=False):
     """
     if kernels and isinstance(problem, LCP):
         found = _measured_by_kernel(problem, claim)
-    elif isinstance(claim.measured, native.Pairs):
-        found = _measured_with_answer(claim)
+        status = claim.judged.status if claim.judged else _status(problem, claim, found)
+    elif isinstance(claim.judged, native.Pairs):
+        found, status = _measured_with_answer(claim), claim.judged.judged.status
     else:
         found = _measured(problem, claim)
+        status = _status(problem, claim, found)
     return Verdict(
         free=claim.free,
         z=claim.z,
         w=found.w,
-        status=_status(problem, claim, found),
+        status=status,
         residual=found.rho,
         backward_error=found.eta,
         active=found.active,
@@ -150,19 +153,23 @@ def _measured(problem, claim):
 def _measured_by_kernel(problem, claim):
     """The same of an LCP by compiled kernels, of which only those run whose results are used."""
     M, q = problem.M, problem.q
-    measures = claim.measured or native.measure(M, q, claim.z, claim.certificate)
     w, active, degenerate = native.classify(M, q, claim.z)
     condition = native.condition(M, active | degenerate)
-    return Findings(w, measures.eta, measures.rho, active, degenerate, condition, _told(measures.flags))
+    if claim.judged:
+        eta, rho, told = *claim.judged[:2], None
+    else:
+        eta, rho, flags = native.measure(M, q, claim.z, claim.certificate)
+        told = Told(*(flags & bit != 0 for bit in BITS))
+    return Findings(w, eta, rho, active, degenerate, condition, told)
 
 
 def _measured_with_answer(claim):
     """The same where the kernel that answered has measured everything."""
-    *_, condition, active, degenerate, (eta, rho, flags) = claim.measured
-    return Findings(claim.w, eta, rho, active, degenerate, condition, _told(flags))
+    *_, condition, active, degenerate, (eta, rho, _) = claim.judged
+    return Findings(claim.w, eta, rho, active, degenerate, condition, None)
 
 
-TOLD = Told(
+BITS = Told(
     finite=native.DATA_FINITE,
     whole=native.POINT_FINITE,
     small=native.SMALL,
@@ -171,12 +178,7 @@ TOLD = Told(
     moderate=native.MODERATE,
     proved=native.PROVED,
 )
-"""The bits of a kernel's flags."""
-
-
-def _told(flags):
-    """What a kernel's flags say."""
-    return Told(*(flags & bit != 0 for bit in TOLD))
+"""Of a kernel's flags."""
 
 
 def _in_one(function, size):

@@ -111,8 +111,8 @@ def _claimed(problem, method, start, kernels):
     if _sees_ave(method):
         return _claimed_as_ave(problem, method, start)
     if isinstance(problem, LCP) and kernels:
-        z, certificate, outcome, steps, found = method.compiled(problem, start, certified=False)
-        return Claim(problem.q[:0], z, z, outcome, certificate, measured=found), steps
+        z, certificate, steps, judged = method.compiled(problem, start, certified=False)
+        return Claim(problem.q[:0], z, z, judged.status, certificate, judged=judged), steps
     if isinstance(problem, LCP):
         answer, steps = iterate(problem, method, start)
         return Claim(problem.q[:0], *answer[:1], *answer), steps
@@ -135,8 +135,7 @@ def _claimed_as_pairs(form, method, kernels):
     outcome, free = jnp.int32(Status.NO_SOLUTION), form.q[:0]
     if kernels:
         found = method.compiled_pairs(form.P, form.N, form.q)
-        dependent = found.measures.flags & native.DEPENDENT != 0
-        return Claim(free, found.z, found.w, outcome, free, dependent, found)
+        return Claim(free, found.z, found.w, outcome, free, judged=found)
     best = method.of_pairs(form.P, form.N, form.q)
     return Claim(free, best.z, best.w, outcome, best.certificate, best.dependent)
 
@@ -186,8 +185,8 @@ def iterate(problem, method, start, kernels=False):
     if m == 0:
         return Answer(q, jnp.int32(Status.SOLVED), q), jnp.int32(0)
     if kernels:
-        z, certificate, outcome, steps, _ = method.compiled(problem, start, certified=True)
-        return Answer(z, outcome, certificate), steps
+        z, certificate, steps, judged = method.compiled(problem, start, certified=True)
+        return Answer(z, judged.status, certificate), steps
     budget = method.budget(m)
     if budget == 0:
         return method.read(problem, method.init(problem, start)), jnp.int32(0)

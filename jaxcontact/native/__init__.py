@@ -25,13 +25,10 @@ KERNELS = ("principal", "lemke", "direct", "gauss_seidel", "measure", "classify"
 
 REALS = {"float64": "double", "float32": "float"}
 
-DATA_FINITE, POINT_FINITE, PROVED, DEPENDENT, SMALL, TELLING, CLOSE, MODERATE = (1 << k for k in range(8))
-"""Bits of the flags: the data are finite, the point is; the certificate excludes a feasible point; no mode is regular
-(of `pairs` alone); eta is small, rho telling, eta close, the condition moderate, as `complementarity.judge` calls it.
-A certificate is looked at where eta and rho are not small, the condition where eta is and rho does not tell."""
-
-OUTCOME = 8
-"""The outcome of a method stands that many bits up in the flags: the status is read from one number."""
+DATA_FINITE, POINT_FINITE, PROVED, SMALL, TELLING, CLOSE, MODERATE = 1, 2, 4, 16, 32, 64, 128
+"""Bits of the flags: the data are finite, the point is; the certificate excludes a feasible point; eta is small, rho
+telling, eta close, the condition moderate, as `complementarity.judge` calls it. A certificate is looked at where eta
+and rho are not small, the condition where eta is and rho does not tell."""
 
 _wanted = True
 
@@ -91,18 +88,28 @@ class Classes(NamedTuple):
     """(m,) bool"""
 
 
+class Judged(NamedTuple):
+    """What is said of an answer."""
+
+    eta: jax.Array
+    """backward error"""
+    rho: jax.Array
+    """residual"""
+    status: jax.Array
+    """int32 `Status`, by the truth table of `complementarity.judge`"""
+
+
 class Answers(NamedTuple):
-    """What a method says, and what is measured of it in the same pass over the data."""
+    """What a method says, judged in the same pass over the data."""
 
     z: jax.Array
     """(m,) >= 0"""
     certificate: jax.Array
     """(m,) as in `complementarity.method.Answer`, or (0,) where it is not asked for"""
-    outcome: jax.Array
-    """int32 `Status`"""
     steps: jax.Array
     """int32"""
-    measures: Measures
+    judged: Judged
+    """where the certificate is asked for, its `status` is the outcome that the method claims, not judged"""
 
 
 class Pairs(NamedTuple):
@@ -118,15 +125,16 @@ class Pairs(NamedTuple):
     """(m,) bool"""
     degenerate: jax.Array
     """(m,) bool"""
-    measures: Measures
+    judged: Judged
 
 
 def principal(M, q, wanted, budget: int, certified: bool = False) -> Answers:
     """Principal pivoting, `complementarity.principal`.
 
-    M (m, m), q (m,); wanted (m,) bool or (0,): rows to make active first; certified: whether the certificate is given
-    and not only looked at. Leading axes are batches here and below. Up to eight contacts without `wanted` the rows take
-    turns, as then several problems pivot the same row at once; what that does not solve is solved as in JAX.
+    M (m, m), q (m,); wanted (m,) bool or (0,): rows to make active first; certified: the certificate and the method's
+    own outcome are given, to be judged elsewhere. Leading axes are batches here and below. Up to eight contacts without
+    `wanted` the rows take turns, as then several problems pivot the same row at once; what that does not solve is
+    solved as in JAX.
 
     >>> principal(jnp.eye(1), -jnp.ones(1), jnp.ones(0, bool), 10).z     # 1
     """
@@ -136,7 +144,7 @@ def principal(M, q, wanted, budget: int, certified: bool = False) -> Answers:
 def lemke(M, q, covering, budget: int, certified: bool = False) -> Answers:
     """Lemke's method, `complementarity.lemke`; covering (m,), or (0,) for ones.
 
-    >>> lemke(jnp.eye(1), -jnp.ones(1), jnp.ones(0), 10).outcome     # SOLVED
+    >>> lemke(jnp.eye(1), -jnp.ones(1), jnp.ones(0), 10).judged.status     # SOLVED
     """
     return _answered("lemke", certified, M, q, covering, budget=np.int64(budget))
 
@@ -190,14 +198,14 @@ def pairs(P, N, q) -> Pairs:
     >>> pairs(jnp.eye(1), jnp.eye(1), -jnp.ones(1)).z     # 1
     """
     results = [_like(q), _like(q), _like(q[..., 0]), _like(q, bool), _like(q, bool), *_measures_like(q)]
-    *found, eta, rho, flags = _call("pairs", results, P, N, q)
-    return Pairs(*found, Measures(eta, rho, flags))
+    *found, eta, rho, status = _call("pairs", results, P, N, q)
+    return Pairs(*found, Judged(eta, rho, status))
 
 
 def _answered(name, certified, M, q, *more, **options) -> Answers:
     results = [_like(q), _like(q if certified else q[..., :0]), _like(q[..., 0], jnp.int32), *_measures_like(q)]
-    z, certificate, steps, eta, rho, flags = _call(name, results, M, q, *more, **options)
-    return Answers(z, certificate, flags >> OUTCOME, steps, Measures(eta, rho, flags))
+    z, certificate, steps, *judged = _call(name, results, M, q, *more, **options)
+    return Answers(z, certificate, steps, Judged(*judged))
 
 
 def _measures_like(q):

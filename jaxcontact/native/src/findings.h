@@ -4,45 +4,9 @@
 
 #include <memory>
 
-#include "condition.h"
+#include "verdict.h"
 
 namespace jaxcontact {
-
-// Bits of `flags`: what the judge asks of a point. PROVED: the certificate excludes a feasible point; DEPENDENT: no
-// mode is regular; SMALL, TELLING, CLOSE: eta and rho are within these bounds; MODERATE: the condition of the mode is,
-// looked at where eta is small and rho does not tell. The method's outcome stands above, OUTCOME times itself. All in
-// one number, so that nobody reads eta and rho again for the status.
-enum Flags : int {
-  DATA_FINITE = 1,
-  POINT_FINITE = 2,
-  PROVED = 4,
-  DEPENDENT = 8,
-  SMALL = 16,
-  TELLING = 32,
-  CLOSE = 64,
-  MODERATE = 128,
-  OUTCOME = 256
-};
-
-// The bounds that hold.
-template <class Real>
-inline Masks<Real> bounds_held(Lanes<Real> eta, Lanes<Real> rho) {
-  return ((eta <= JudgeRules::backward_error<Real>)&int(SMALL)) | ((rho <= JudgeRules::telling<Real>)&int(TELLING)) |
-         ((eta <= JudgeRules::close<Real>)&int(CLOSE));
-}
-
-template <class Real>
-inline int bounds_held(Real eta, Real rho) {
-  return (eta <= JudgeRules::backward_error<Real> ? SMALL : 0) | (rho <= JudgeRules::telling<Real> ? TELLING : 0) |
-         (eta <= JudgeRules::close<Real> ? CLOSE : 0);
-}
-
-// How a method ended in each lane of a group, and its certificates; null if all are zero.
-template <class Real>
-struct Ended {
-  Masks<Real> outcome;
-  const Real* certificates;
-};
 
 // A problem at a point z: w = M z + q, terms = |M||z| + |q|, t the stiffness of each row, up = 2^rows and down =
 // 2^-rows the balanced units. N: lanes that hold a row of different problems each, or, with Real apart from it, that
@@ -125,13 +89,6 @@ inline Real stiffness_of(const Real* row, int i, int m) {
   return side > 0 ? side : 1;
 }
 
-// Where one problem's results go.
-template <class Real>
-struct Found {
-  Real *eta, *rho;
-  int* flags;
-};
-
 template <class Real>
 struct Classes {
   Real* w;
@@ -189,21 +146,16 @@ Alone<Real> at_point(const Real* x, Workspace<Real>& work) {
   return {groups, q, x, w, terms, work.right.data(), work.best.data(), work.ratio.data()};
 }
 
+// Its eta and rho; whether the point is finite.
 template <class Real>
-void measure(const Alone<Real>& point, const Found<Real>& found) {
+bool measure(const Alone<Real>& point, const Found<Real>& found) {
   Lanes<Real> eta, rho;
   point.errors(&eta, &rho);
   const int padded = point.rows * Format<Real>::width;
   const bool whole = all_finite(point.z, padded) && all_finite(point.w, padded);
   *found.eta = whole ? eta[0] : not_a_number<Real>;  // comparisons may have dropped it
   *found.rho = whole ? rho[0] : not_a_number<Real>;
-  *found.flags = whole ? POINT_FINITE : 0;
-}
-
-// An answer within both bounds needs no certificate.
-template <class Real, class N>
-inline auto clear(N eta, N rho) {
-  return (eta <= JudgeRules::backward_error<Real>)&(rho <= JudgeRules::telling<Real>);
+  return whole;
 }
 
 // Whether the equations of the mode of a point are not dependent up to rounding. The workspace that the point lies in
@@ -226,17 +178,19 @@ __attribute__((noinline)) bool moderate(const Real* M, const Real* q, const Real
   return moderate<0>(M, at_point<0>(work.z.data(), work), work);
 }
 
-// The rest of what is said of a point, once it is final.
+// A final point, measured, and what is told of it.
 template <int S, class Real>
-inline void write_flags(const Real* M, const Alone<Real>& point, const Real* certificate, int outcome,
-                        Workspace<Real>& work, const Found<Real>& found) {
+void tell(const Real* M, const Alone<Real>& point, const Real* certificate, int outcome, Workspace<Real>& work,
+          const Found<Real>& found) {
   const int m = work.m;
   const Real* identity = nullptr;
-  *found.flags |= bounds_held(*found.eta, *found.rho) | outcome * OUTCOME;
-  if (all_finite(M, m * m) && all_finite(point.q, m)) *found.flags |= DATA_FINITE;
+  int flags = measure(point, found) ? POINT_FINITE : 0;
+  flags |= bounds_held(*found.eta, *found.rho);
+  if (all_finite(M, m * m) && all_finite(point.q, m)) flags |= DATA_FINITE;
   if (!clear<Real>(*found.eta, *found.rho) && proves(M, identity, point.q, certificate, m, point.down, point.up))
-    *found.flags |= PROVED;
-  if ((*found.flags & (SMALL | TELLING)) == SMALL && moderate<S>(M, point, work)) *found.flags |= MODERATE;
+    flags |= PROVED;
+  if ((flags & (SMALL | TELLING)) == SMALL && moderate<S>(M, point, work)) flags |= MODERATE;
+  *found.told = told(found.what, flags, outcome);
 }
 
 // One problem of any size.
@@ -245,9 +199,7 @@ void findings(const Real* M, const Real* q, const Real* z, const Real* certifica
               const Found<Real>& found) {
   prepare<S>(M, q, work);
   copy_row<S>(z, work.m, work.stride, work.z.data());
-  const Alone<Real> point = at_point<S>(work.z.data(), work);
-  measure(point, found);
-  write_flags<S>(M, point, certificate, outcome, work, found);
+  tell<S>(M, at_point<S>(work.z.data(), work), certificate, outcome, work, found);
 }
 
 template <int S, class Real>
@@ -341,28 +293,31 @@ struct GroupJudge {
     rho = whole ? rho : all(not_a_number<Real>);
   }
 
-  // What was measured last, of the points z; what else may be asked of a lane is looked at where it is.
+  // What was measured last, of the points z; where a lane is not clear, seldom, it is looked at by itself.
   void write(const Ended<Real>& ended, const Real* z, Workspace<Real>& work, const Found<Real>& found) const {
     const int count = given.count;
-    const K flags = (sound & int(DATA_FINITE)) | (whole & int(POINT_FINITE)) | bounds_held<Real>(eta, rho) |
-                    ended.outcome * int(OUTCOME);
     write_lanes<1>(&eta, count, found.eta);
     write_lanes<1>(&rho, count, found.rho);
-    write_integers<Real>(flags, count, found.flags);
-    const K doubtful = ~clear<Real>(eta, rho);
-    if (!any_lane<Real>(doubtful)) return;
-    for (int lane = 0; lane < count; ++lane) {
-      if (!doubtful[lane]) continue;
-      if (found.flags[lane] & SMALL && moderate(given.M + lane * m * m, given.q + lane * m, z + lane * m, work))
-        found.flags[lane] |= MODERATE;
-      if (!ended.certificates) continue;
-      Real unit_z[m], unit_w[m];
-      for (int i = 0; i < m; ++i) unit_z[i] = down[i][lane], unit_w[i] = up[i][lane];
-      const Real* identity = nullptr;
-      if (proves(given.M + lane * m * m, identity, given.q + lane * m, ended.certificates + lane * m, m, unit_z,
-                 unit_w))
-        found.flags[lane] |= PROVED;
-    }
+    const K flags = (sound & int(DATA_FINITE)) | (whole & int(POINT_FINITE)) | bounds_held<Real>(eta, rho);
+    K tells = found.what == Tells::FLAGS ? flags : found.what == Tells::OUTCOME ? ended.outcome : K{} + int(SOLVED);
+    const K open = ~(clear<Real>(eta, rho) & sound & whole);
+    if (found.what != Tells::OUTCOME && any_lane<Real>(open))
+      for (int lane = 0; lane < count; ++lane)
+        if (open[lane])
+          tells[lane] = told(found.what, int(flags[lane]) | seen(ended, z, lane, work), ended.outcome[lane]);
+    write_integers<Real>(tells, count, found.told);
+  }
+
+  // PROVED and MODERATE of one lane.
+  __attribute__((noinline)) int seen(const Ended<Real>& ended, const Real* z, int lane, Workspace<Real>& work) const {
+    const Real *M = given.M + lane * m * m, *q = given.q + lane * m, *identity = nullptr;
+    const bool small = eta[lane] <= JudgeRules::backward_error<Real>;
+    if (clear<Real>(eta[lane], rho[lane])) return 0;
+    int flags = small && moderate(M, q, z + lane * m, work) ? MODERATE : 0;
+    if (!ended.certificates) return flags;
+    Real unit_z[m], unit_w[m];
+    for (int i = 0; i < m; ++i) unit_z[i] = down[i][lane], unit_w[i] = up[i][lane];
+    return proves(M, identity, q, ended.certificates + lane * m, m, unit_z, unit_w) ? flags | PROVED : flags;
   }
 };
 

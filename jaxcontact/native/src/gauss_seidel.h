@@ -68,7 +68,7 @@ void gauss_seidel(const Real* M, const Real* q, const Real* start, const Sweeps&
   }
   for (int i = 0; i < m; ++i) z[i] = x[i];
   hopeless_row(M, q, m, certificate);
-  write_flags<S>(M, at_point<S>(x, work), certificate, outcome, work, found);
+  tell<S>(M, at_point<S>(x, work), certificate, outcome, work, found);
 }
 
 }  // namespace jaxcontact

@@ -132,7 +132,7 @@ struct Results {
     if (certificate) std::memset(certificate + b * m, 0, sizeof(Real) * m * count);
     return certificate_at(b, work);
   }
-  Found<Real> found_at(int64_t b) const { return {found.eta + b, found.rho + b, found.flags + b}; }
+  Found<Real> found_at(int64_t b) const { return {found.eta + b, found.rho + b, found.told + b, found.what}; }
 };
 
 // All problems, pieces of them in parallel: of_group(size, b, count, work) for problems that fit a group, else
@@ -181,11 +181,13 @@ ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results
 }
 
 #define JAXCONTACT_RESULTS \
-  ToNumbers z, ToNumbers certificate, ToIntegers steps, ToNumbers eta, ToNumbers rho, ToIntegers flags
+  ToNumbers z, ToNumbers certificate, ToIntegers steps, ToNumbers eta, ToNumbers rho, ToIntegers told
 #define JAXCONTACT_TO                                                                                         \
   Results {                                                                                                   \
     z->typed_data(), certificate->element_count() ? certificate->typed_data() : nullptr, steps->typed_data(), \
-        Found<Real>{eta->typed_data(), rho->typed_data(), flags->typed_data()}, contacts(q_)                  \
+        Found<Real>{eta->typed_data(), rho->typed_data(), told->typed_data(),                                 \
+                    certificate->element_count() ? Tells::OUTCOME : Tells::STATUS},                           \
+        contacts(q_)                                                                                          \
   }
 
 ffi::Error Principal(ffi::ThreadPool pool, Numbers M_, Numbers q_, Booleans wanted_, int64_t budget_,
@@ -271,7 +273,7 @@ ffi::Error Measure(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers z_, Num
   const Results to{z_.typed_data(),
                    certificate_.typed_data(),
                    nullptr,
-                   {eta->typed_data(), rho->typed_data(), flags->typed_data()},
+                   {eta->typed_data(), rho->typed_data(), flags->typed_data(), Tells::FLAGS},
                    contacts(q_)};
   const Real* z = z_.typed_data();
   return solved(
@@ -316,16 +318,15 @@ ffi::Error Condition(ffi::ThreadPool pool, Numbers M_, Booleans held_, ToNumbers
 
 ffi::Error OfPairs(ffi::ThreadPool pool, Numbers P_, Numbers N_, Numbers q_, ToNumbers z, ToNumbers w,
                    ToNumbers condition, ToBooleans active, ToBooleans degenerate, ToNumbers eta, ToNumbers rho,
-                   ToIntegers flags) {
+                   ToIntegers status) {
   const int64_t m = contacts(q_);
   const Real *P = P_.typed_data(), *N = N_.typed_data(), *q = q_.typed_data();
-  const PairsFound<Real> to{z->typed_data(),          w->typed_data(),
-                            condition->typed_data(),  active->typed_data(),
-                            degenerate->typed_data(), {eta->typed_data(), rho->typed_data(), flags->typed_data()}};
+  const Found<Real> found{eta->typed_data(), rho->typed_data(), status->typed_data(), Tells::STATUS};
+  const PairsFound<Real> to{z->typed_data(),      w->typed_data(),          condition->typed_data(),
+                            active->typed_data(), degenerate->typed_data(), found};
   const auto at = [=](int64_t b) {
-    return PairsFound<Real>{to.z + b * m,          to.w + b * m,
-                            to.condition + b,      to.active + b * m,
-                            to.degenerate + b * m, {to.found.eta + b, to.found.rho + b, to.found.flags + b}};
+    return PairsFound<Real>{to.z + b * m,      to.w + b * m,          to.condition + b,
+                            to.active + b * m, to.degenerate + b * m, {found.eta + b, found.rho + b, found.told + b}};
   };
   return over_problems(
       pool, problems(q_), m, 1, true, 0,

@@ -8,7 +8,7 @@ namespace jaxcontact {
 
 constexpr int PAIRS_LIMIT = 2;
 
-// Where a group's results go; no certificate: whether it proves something is said in `flags`.
+// Where a group's results go; no certificate: whether it proves something is in the status.
 template <class Real>
 struct PairsFound {
   Real *z, *w, *condition;
@@ -209,18 +209,19 @@ struct Pairs {
     write_lanes<1>(&rho, count, to.found.rho);
     write_masks<m, Real>(active, count, to.active);
     write_masks<m, Real>(degenerate, count, to.degenerate);
-    const K settled = clear<Real>(eta, rho);
-    write_integers<Real>(((data == 0) & int(DATA_FINITE)) | (whole & int(POINT_FINITE)) | (dependent & int(DEPENDENT)) |
-                             bounds_held<Real>(eta, rho) | ((condition <= JudgeRules::condition<Real>)&int(MODERATE)),
-                         count, to.found.flags);
-    if (!any_lane<Real>(~settled)) return;
-    for (int lane = 0; lane < count; ++lane) {
-      if (settled[lane]) continue;
+    const K flags = ((data == 0) & int(DATA_FINITE)) | (whole & int(POINT_FINITE)) | (dependent & int(DEPENDENT)) |
+                    bounds_held<Real>(eta, rho) | ((condition <= JudgeRules::condition<Real>)&int(MODERATE));
+    K status = K{} + int(SOLVED);
+    const K open = ~(clear<Real>(eta, rho) & (data == 0) & whole & ~dependent);
+    for (int lane = 0; lane < count && any_lane<Real>(open); ++lane) {
+      if (!open[lane]) continue;
       Real y[m], own_z[m], own_w[m];
       for (int i = 0; i < m; ++i) y[i] = certificate[i][lane], own_z[i] = unit_z[i][lane], own_w[i] = unit_w[i][lane];
-      if (proves<Real>(P_ + lane * m * m, N_ + lane * m * m, q_ + lane * m, y, m, own_z, own_w))
-        to.found.flags[lane] |= PROVED;
+      const bool proved = !clear<Real>(eta[lane], rho[lane]) &&
+                          proves<Real>(P_ + lane * m * m, N_ + lane * m * m, q_ + lane * m, y, m, own_z, own_w);
+      status[lane] = status_of(int(flags[lane]) | (proved ? PROVED : 0), NO_SOLUTION);
     }
+    write_integers<Real>(status, count, to.found.told);
   }
 
   // |K| |K^-1| of the balanced K, as in complementarity/inverse.py; infinite where K is singular up to rounding.

@@ -9,8 +9,18 @@
 
 namespace jaxcontact {
 
-// How a path ended, as in complementarity/status.py.
-enum Outcome : int { SOLVED = 0, RAY = 1, MAX_STEPS = 3, INACCURATE = 4, NO_SOLUTION = 9 };
+// How a path ended, and what is said of a problem, as in complementarity/status.py.
+enum Status : int {
+  SOLVED = 0,
+  RAY = 1,
+  INFEASIBLE = 2,
+  MAX_STEPS = 3,
+  INACCURATE = 4,
+  BAD_INPUT = 5,
+  REDUNDANT = 6,
+  ILL_CONDITIONED = 8,
+  NO_SOLUTION = 9
+};
 
 // Memory that begins with a cache line, so that no group of lanes lies across two.
 template <class T>
