@@ -24,7 +24,7 @@ from jaxcontact.complementarity import (
     judge,
     solve,
 )
-from jaxcontact.complementarity.judge import Claim, backward_error_bound
+from jaxcontact.complementarity.judge import CONDITION_BOUND, Claim, backward_error_bound, close, small, telling
 from jaxcontact.native import build
 
 COMPILER = shutil.which(os.environ.get("CXX", "c++"))
@@ -227,6 +227,32 @@ def test_the_judges_measures_are_those_of_its_own_code(m):
     for name in ("active", "degenerate"):
         assert np.array_equal(getattr(by_kernel, name)[good], getattr(by_jax, name)[good]), name
     assert np.array_equal(by_kernel.status, by_jax.status)
+
+
+@built
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("m", [3, 12])
+def test_what_a_kernel_tells_by_its_flags_is_what_the_judge_says_of_the_same_numbers(m, dtype):
+    """Points near solutions z of matrices that nearly map z to zero, M z = t z: the terms of a row are about one, the
+    load is about t and the condition about 1/t, so that eta, rho and the condition spread over all bounds."""
+    assert native.serve(dtype)
+    rng = np.random.default_rng(m)
+    n = 4000
+    A, z = rng.normal(size=(n, m, m)), rng.uniform(0.5, 1, (n, m))
+    t = 10.0 ** -rng.uniform(0, 17, (n, 1))
+    M = A - np.einsum("bij,bj,bk->bik", A, z, z) / np.sum(z * z, 1)[:, None, None] + t[:, :, None] * np.eye(m)
+    z *= 1 + 10.0 ** -rng.uniform(0, 18, (n, 1)) * rng.normal(size=(n, m))
+    M, q, z = (jnp.asarray(x, dtype) for x in (M, -t * z, z))
+    eta, rho, flags = jax.jit(jax.vmap(native.measure))(M, q, z, 0 * z)
+    for bit, expected in ((native.SMALL, small(eta)), (native.TELLING, telling(rho)), (native.CLOSE, close(eta))):
+        assert np.array_equal(flags & bit != 0, expected)
+        assert 0.02 < np.mean(expected) < 0.98
+    asked = np.asarray(small(eta) & ~telling(rho))
+    held = np.logical_or(*jax.jit(jax.vmap(native.classify))(M, q, z)[1:])
+    condition = np.asarray(jax.jit(jax.vmap(native.condition))(M, held))
+    limit = CONDITION_BOUND / np.finfo(dtype).eps
+    near = np.abs(np.log(condition / limit)) < 0.1  # two orders of summation may differ there
+    assert np.array_equal((flags & native.MODERATE != 0)[asked & ~near], condition[asked & ~near] <= limit)
 
 
 @built
