@@ -106,7 +106,7 @@ template <int m, class Real>
 struct Turns {
   using V = Lanes<Real>;
   using K = Masks<Real>;
-  static constexpr bool fits = m <= 4;  // a tableau in the registers of the widest kind
+  static constexpr bool fits = m > 2 && m <= 4;  // the registers of the widest kind; two contacts gain nothing
   V T[m][m], values[m];
   V floor_z = all(-PrincipalRules::negative<Real>), floor_w = floor_z;  // values below are negative
   K active[m] = {}, taken{}, solved{};
