@@ -24,7 +24,8 @@ from jaxcontact.complementarity import (
     judge,
     solve,
 )
-from jaxcontact.complementarity.judge import CONDITION_BOUND, Claim, backward_error_bound, close, small, telling
+from jaxcontact.complementarity.bars import CONDITION_BOUND, backward_error_bound, close, small, telling
+from jaxcontact.complementarity.judge import Claim
 from jaxcontact.native import build
 
 COMPILER = shutil.which(os.environ.get("CXX", "c++"))

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxcontact import linalg
+from jaxcontact.complementarity.bars import acceptable
 from jaxcontact.complementarity.derivative import attach
 from jaxcontact.complementarity.forms import mode_matrix, normal_form, sizes
 from jaxcontact.complementarity.inverse import analysed_inverse
-from jaxcontact.complementarity.judge import acceptable
 from jaxcontact.complementarity.records import record
 from jaxcontact.complementarity.residuals import pair_scales, residuals, slack
 from jaxcontact.complementarity.short import dot, first

@@ -11,34 +11,15 @@ import jax
 import jax.numpy as jnp
 
 from jaxcontact import native
+from jaxcontact.complementarity.bars import close, moderate, small, telling
 from jaxcontact.complementarity.forms import mode_matrix, normal_form
 from jaxcontact.complementarity.inverse import analysed_inverse, condition_number
 from jaxcontact.complementarity.problems import LCP
-from jaxcontact.complementarity.residuals import above_zero, classify, pair_scales, residuals, slack
-from jaxcontact.complementarity.short import SCALARS, counted, dot, largest
+from jaxcontact.complementarity.proof import infeasible_somewhere
+from jaxcontact.complementarity.residuals import classify, residuals, slack
+from jaxcontact.complementarity.short import SCALARS
 from jaxcontact.complementarity.status import Status
-from jaxcontact.linalg import all_finite, in_chunks, packed, two_product, two_sum, walled, where, where_needed
-
-BACKWARD_ERROR_BOUND = {"float64": 256, "float32": 16}
-"""SOLVED requires eta <= BACKWARD_ERROR_BOUND eps: 5.7e-14 in float64, 1.9e-6 in float32."""
-
-DIGITS_KEPT = 0.25
-"""SOLVED requires rho <= eps^DIGITS_KEPT, a quarter of the digits, or equations whose condition is known to be
-moderate: rho is about eps times that."""
-
-DIGITS_OF_ABSENCE = 0.5
-"""NO_SOLUTION asks that the best point misses by eta > eps^DIGITS_OF_ABSENCE, half of the digits: less may be the
-rounding of an ill-conditioned mode."""
-
-CERTIFICATE_BOUND = 64
-"""Sign errors of a certificate, relative to its load, may be CERTIFICATE_BOUND times the rounding of the products."""
-
-CONDITION_BOUND = 1 / 64
-"""A condition number above CONDITION_BOUND / eps makes the active equations dependent up to rounding."""
-
-
-PROOF_LANES = 64
-"""Certificates of a batch are checked by so many at a time: failures are rare, and the products of a check are long."""
+from jaxcontact.linalg import all_finite, packed, walled, where, where_needed
 
 
 class Claim(NamedTuple):
@@ -211,7 +192,7 @@ def _status(problem, claim, found):
     proved = told.proved
     if proved is None:
         doubtful = told.finite & ~solved
-        proved = where_needed(doubtful, _infeasible_somewhere, false, doubtful, problem, claim.certificate)
+        proved = where_needed(doubtful, infeasible_somewhere, false, doubtful, problem, claim.certificate)
     shaky = where(told.small, int(Status.ILL_CONDITIONED), int(Status.INACCURATE))
     good = where(claim.dependent, int(Status.REDUNDANT), int(Status.SOLVED))
     reason = where(claims | (proposes & told.close), shaky, claim.outcome)
@@ -224,80 +205,3 @@ def _moderate_at(problem, held):
     """bool: the condition number of the mode in which the pairs `held` press."""
     form = normal_form(problem)
     return moderate(condition_number(mode_matrix(form, held.astype(form.q.dtype))))
-
-
-def backward_error_bound(dtype):
-    """The largest eta that SOLVED allows in a dtype."""
-    return BACKWARD_ERROR_BOUND[jnp.dtype(dtype).name] * jnp.finfo(dtype).eps
-
-
-def acceptable(eta, rho):
-    """bool: residuals small enough for SOLVED, whatever the condition; NaN is not."""
-    return small(eta) & telling(rho)
-
-
-def small(eta):
-    """bool: within BACKWARD_ERROR_BOUND."""
-    return eta <= backward_error_bound(eta.dtype)
-
-
-def close(eta):
-    """bool: within DIGITS_OF_ABSENCE."""
-    return eta <= jnp.finfo(eta.dtype).eps ** DIGITS_OF_ABSENCE
-
-
-def telling(rho):
-    """bool: rho is so small that eta says enough, whatever the condition."""
-    return rho <= jnp.finfo(rho.dtype).eps ** DIGITS_KEPT
-
-
-def moderate(condition):
-    """bool: the equations are not dependent up to rounding."""
-    return condition <= CONDITION_BOUND / jnp.finfo(condition.dtype).eps
-
-
-def infeasible(problem, form, y):
-    """bool: y proves that no u and no z, w >= 0 satisfy F u + P z - N w + q = 0.
-
-    Farkas: y'F = 0, y'P >= 0, y'N <= 0, y'q > 0 contradict the equations times y. The products are accumulated in twice
-    the working precision, and signs are read up to the error e of that: a feasible point would need
-    sum_j e_j z_j >= y'q, so be larger than about 1 / eps^2. Dependent equations are never consistent to that degree, so
-    with free unknowns e is the rounding of the data, and what is excluded are points larger than about 1 / eps.
-    """
-    n, eps = y.shape[0], jnp.finfo(y.dtype).eps
-    rounding = n * eps if form.F.shape[1] else (n * eps) ** 2
-    scale_z, scale_w = pair_scales(problem, form)
-
-    def error(A, scale, sign):
-        product, terms = accurate_product(y, A), dot(jnp.abs(y), jnp.abs(A))
-        wrong = jnp.abs(product) if sign == 0 else jnp.maximum(-sign * product, 0)
-        return largest((wrong + rounding * terms) / scale) / above_zero(largest(jnp.abs(A) / scale[None, :]))
-
-    free = error(form.F, jnp.ones(form.F.shape[1], y.dtype), 0)
-    signs = jnp.maximum(error(form.P, scale_z, 1), error(form.N, scale_w, -1))
-    load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
-    allowed = CERTIFICATE_BOUND * rounding * load / above_zero(largest(form.q))
-    return (load > 0) & (free <= allowed) & (signs <= allowed)
-
-
-def _infeasible_somewhere(asked, problem, y):
-    """`infeasible`, chunk by chunk in a batch, and only in chunks with a lane that asks."""
-
-    def alone(asked, problem, y):
-        asked = asked & jnp.any(y != 0)
-        return where_needed(asked, infeasible, jnp.zeros((), bool), problem, normal_form(problem), y)
-
-    return in_chunks(alone, PROOF_LANES)(asked, problem, y)
-
-
-def accurate_product(y, A):
-    """y'A with the error of twice the working precision (Ogita, Rump and Oishi 2005, Dot2); (n,), (n, k) -> (k,)."""
-    product, lost = two_product(*jnp.broadcast_arrays(y[:, None], A))
-
-    def add(i, carry):
-        total, error = carry
-        total, missed = two_sum(total, product[i])
-        return total, error + (lost[i] + missed)
-
-    zero = jnp.zeros(A.shape[1], A.dtype)
-    return sum(counted(y.shape[0], add, (zero, zero)))

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxcontact.complementarity.bars import backward_error_bound
 from jaxcontact.complementarity.derivative import attach
-from jaxcontact.complementarity.judge import backward_error_bound
 from jaxcontact.complementarity.problems import AbsoluteValueEquation
 from jaxcontact.complementarity.solution import Solution
 from jaxcontact.complementarity.solve import solve

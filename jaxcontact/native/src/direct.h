@@ -1,7 +1,7 @@
 // One to four contacts, every mode tried: complementarity/direct.py and minors.py, several problems to an instruction.
 #pragma once
 
-#include "findings.h"
+#include "group_findings.h"
 
 namespace jaxcontact {
 

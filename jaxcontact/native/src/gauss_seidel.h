@@ -1,7 +1,7 @@
 // Projected Gauss-Seidel, sweep for sweep as in complementarity/gauss_seidel.py.
 #pragma once
 
-#include "findings.h"
+#include "group_findings.h"
 
 namespace jaxcontact {
 

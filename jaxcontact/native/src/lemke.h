@@ -1,7 +1,7 @@
 // Lemke's method with lexicographic ties, step for step as in complementarity/lemke.py.
 #pragma once
 
-#include "findings.h"
+#include "group_findings.h"
 
 namespace jaxcontact {
 

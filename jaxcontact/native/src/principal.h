@@ -1,7 +1,7 @@
 // Principal pivoting: one problem step for step as in complementarity/principal.py, a group in turns first.
 #pragma once
 
-#include "findings.h"
+#include "group_findings.h"
 
 namespace jaxcontact {
 

@@ -1,4 +1,4 @@
-// Whether a certificate proves that a problem has no feasible point: judge.infeasible without free unknowns.
+// Whether a certificate proves that a problem has no feasible point: proof.infeasible without free unknowns.
 #pragma once
 
 #include "arithmetic.h"
@@ -6,7 +6,7 @@
 namespace jaxcontact {
 
 // backward_error, telling, close, condition: BACKWARD_ERROR_BOUND eps, eps^DIGITS_KEPT, eps^DIGITS_OF_ABSENCE and
-// CONDITION_BOUND / eps of judge.py.
+// CONDITION_BOUND / eps of bars.py.
 struct JudgeRules {
   static constexpr int degeneracy = 64, pivot_floor = 16, certificate = 64;
   template <class Real>
@@ -34,7 +34,7 @@ inline Real accurate_product(const Real* y, const Real* A, int j, int m, Real* t
   return total + error;
 }
 
-// Whether no z, w >= 0 satisfy P z - N w + q = 0, by y: judge.infeasible without free unknowns. N null: the identity.
+// Whether no z, w >= 0 satisfy P z - N w + q = 0, by y: proof.infeasible without free unknowns. N null: the identity.
 // unit_z, unit_w: powers of two that make all z comparable, and all w.
 template <class Real>
 bool proves(const Real* P, const Real* N, const Real* q, const Real* y, int m, const Real* unit_z, const Real* unit_w) {
