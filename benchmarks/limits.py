@@ -7,7 +7,7 @@ z, the status, the residual and its steps; of its operations only 2 m^2 for each
 balancing and the judge. The floor is the larger of the two times: a program takes `to_floor` times as long.
 
 It runs on the device that JAX finds first; `bounds` and `solvers` have NumPy, Numba and C beside the same programs.
-Programs are compiled side by side, so compilation is timed there too.
+Programs are compiled by several threads at once, so it is there too that compilation is timed.
 """
 
 import argparse

@@ -110,8 +110,9 @@ def test_on_an_accelerator_there_are_no_walls_and_the_few_are_many_at_a_time(mon
     program = jax.jit(jax.vmap(linalg.walled(lambda x: jnp.sin(x) + 1))).lower(x)
     assert "stablehlo.case" not in program.as_text()
     np.testing.assert_allclose(program.compile()(x), np.sin(x) + 1, rtol=1e-15)
-    again = jax.vmap(lambda x: linalg.for_the_few(x > 0.5, lambda x: 2 * x, -x, x, lanes=3))(x)
-    assert np.array_equal(again, np.where(x > 0.5, 2 * x, -x))
+    again = jax.vmap(lambda x: linalg.for_the_few(x > 0.5, lambda x: 2 * x, -x, x, lanes=3))
+    assert np.array_equal(again(x), np.where(x > 0.5, 2 * x, -x))
+    assert "slice_sizes=(77,)" in str(jax.make_jaxpr(again)(x))  # not three at a time
     assert linalg.compiler_options() == {}
 
 
@@ -126,5 +127,7 @@ def test_solutions_are_the_same_as_on_an_accelerator(monkeypatch):
     for method, expected in zip(methods, here, strict=True):
         found = jax.vmap(lambda M, q, method=method: jc.solve(jc.LCP(M, q), method))(W, q)
         assert np.array_equal(found.status, expected.status)
-        np.testing.assert_allclose(found.z, expected.z, rtol=0, atol=1e-9 * np.abs(expected.z).max())
+        # the same steps, each of which XLA may contract otherwise: eps times the condition of each problem
+        error = np.abs(found.z - expected.z).max(1)
+        assert (error <= 256 * np.finfo(float).eps * expected.condition * np.abs(expected.z).max(1)).all()
     jax.clear_caches()

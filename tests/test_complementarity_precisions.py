@@ -25,8 +25,12 @@ from jaxcontact.complementarity import (
     solve,
     solve_in_two_precisions,
 )
+from jaxcontact.complementarity.bars import backward_error_bound
 
 ACCURACY = 1e-3
+
+SAME = ("z", "w", "status", "steps", "residual")
+"""What is computed again in float64 and is that of float64 alone."""
 
 
 def batch(families, m, each=40, seed=0):
@@ -51,13 +55,13 @@ def test_answers_of_float32_are_as_accurate_as_promised_and_the_others_are_those
     size = np.abs(exact.z).max(1) + np.abs(exact.w).max(1)
     miss = np.abs(found.solution.z - exact.z).max(1)
     assert (miss <= ACCURACY * size)[~redone].all()
-    assert (found.solution.status == exact.status)[redone].all()
-    for name in ("z", "w", "residual"):
-        again, once = getattr(found.solution, name)[redone], getattr(exact, name)[redone]
-        if jax.default_backend() == "cpu":
-            assert np.array_equal(again, once, equal_nan=True), name
-        else:  # libraries for GPUs choose their code by the size of the batch
-            np.testing.assert_allclose(again, once, rtol=1e-9, atol=1e-9 * size[redone].max())
+    pairs = {name: (getattr(found.solution, name)[redone], getattr(exact, name)[redone]) for name in SAME}
+    if jax.default_backend() == "cpu":
+        assert all(np.array_equal(*pair, equal_nan=True) for pair in pairs.values())
+    else:  # libraries choose their code by the size of the batch: both are right to their eta times the condition
+        assert np.array_equal(*pairs["status"])
+        allowed = 2 * float(backward_error_bound(jnp.float64)) * (exact.condition * size)[redone]
+        assert (np.abs(pairs["z"][0] - pairs["z"][1]).max(1) <= allowed).all()
     assert (found.solution.status == Status.SOLVED)[~redone].all()
 
 

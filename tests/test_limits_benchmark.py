@@ -1,5 +1,7 @@
 """The benchmark of limits counts what has to be moved and computed, and takes the larger time as the floor."""
 
+import json
+
 import pytest
 
 from benchmarks import limits
@@ -37,8 +39,12 @@ def test_the_floor_is_the_larger_of_two_times(monkeypatch):
     assert [r["per_second"] for r in rows] == [10.0, 10.0]
 
 
-def test_ceilings_are_of_the_device_and_the_table_is_written_as_it_comes(tmp_path):
+def test_the_file_has_the_ceilings_and_a_row_for_each_program(tmp_path):
     file = tmp_path / "limits.json"
     limits.main(["--contacts", "1", "--sizes", "1", "--dtypes", "float32", "--numbers", "4096", "--json", str(file)])
-    assert '"norm_ratio"' in file.read_text()
-    assert '"direct"' in file.read_text()
+    written = json.loads(file.read_text())
+    assert min(written["ceilings"]["float32"].values()) > 0
+    assert {"norm_ratio", "critical", *limits.METHODS} <= {r["program"] for r in written["rows"]}
+    for r in written["rows"]:
+        needed = [r[what] / ceiling for what, ceiling in written["ceilings"]["float32"].items()]
+        assert r["to_floor"] == pytest.approx(r["batch"] / r["per_second"] / max(needed))

@@ -38,8 +38,8 @@ class Claim(NamedTuple):
     """(k + m,) a row combination y said to prove that no feasible point exists; zeros if there is none."""
     dependent: jax.Array | bool = False
     """bool: no mode of the problem is regular, so that only part of a solution is determined"""
-    judged: native.Judged | native.Pairs | None = None
-    """what a kernel says of the point, where one has looked: then it says all of it"""
+    found: native.Judged | native.Pairs | None = None
+    """what a kernel says of the point, where one has looked: then the status too"""
 
 
 class Verdict(NamedTuple):
@@ -99,9 +99,9 @@ def judge(problem, claim, kernels=False):
     """
     if kernels and isinstance(problem, LCP):
         found = _measured_by_kernel(problem, claim)
-        status = claim.judged.status if claim.judged else _status(problem, claim, found)
-    elif isinstance(claim.judged, native.Pairs):
-        found, status = _measured_with_answer(claim), claim.judged.judged.status
+        status = claim.found.status if claim.found else _status(problem, claim, found)
+    elif isinstance(claim.found, native.Pairs):
+        found, status = _measured_with_answer(claim), claim.found.judged.status
     else:
         found = _measured(problem, claim)
         status = _status(problem, claim, found)
@@ -136,8 +136,8 @@ def _measured_by_kernel(problem, claim):
     M, q = problem.M, problem.q
     w, active, degenerate = native.classify(M, q, claim.z)
     condition = native.condition(M, active | degenerate)
-    if claim.judged:
-        eta, rho, told = *claim.judged[:2], None
+    if claim.found:
+        eta, rho, told = *claim.found[:2], None
     else:
         eta, rho, flags = native.measure(M, q, claim.z, claim.certificate)
         told = Told(*(flags & bit != 0 for bit in BITS))
@@ -146,7 +146,7 @@ def _measured_by_kernel(problem, claim):
 
 def _measured_with_answer(claim):
     """The same where the kernel that answered has measured everything."""
-    *_, condition, active, degenerate, (eta, rho, _) = claim.judged
+    *_, condition, active, degenerate, (eta, rho, _) = claim.found
     return Findings(claim.w, eta, rho, active, degenerate, condition, None)
 
 
@@ -202,6 +202,6 @@ def _status(problem, claim, found):
 
 
 def _moderate_at(problem, held):
-    """bool: the condition number of the mode in which the pairs `held` press."""
+    """bool: whether the condition number of the mode in which the pairs `held` press is moderate."""
     form = normal_form(problem)
     return moderate(condition_number(mode_matrix(form, held.astype(form.q.dtype))))

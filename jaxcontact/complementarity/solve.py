@@ -112,7 +112,7 @@ def _claimed(problem, method, start, kernels):
         return _claimed_as_ave(problem, method, start)
     if isinstance(problem, LCP) and kernels:
         z, certificate, steps, judged = method.compiled(problem, start, certified=False)
-        return Claim(problem.q[:0], z, z, judged.status, certificate, judged=judged), steps
+        return Claim(problem.q[:0], z, z, judged.status, certificate, found=judged), steps
     if isinstance(problem, LCP):
         answer, steps = iterate(problem, method, start)
         return Claim(problem.q[:0], *answer[:1], *answer), steps
@@ -135,7 +135,7 @@ def _claimed_as_pairs(form, method, kernels):
     outcome, free = jnp.int32(Status.NO_SOLUTION), form.q[:0]
     if kernels:
         found = method.compiled_pairs(form.P, form.N, form.q)
-        return Claim(free, found.z, found.w, outcome, free, judged=found)
+        return Claim(free, found.z, found.w, outcome, free, found=found)
     best = method.of_pairs(form.P, form.N, form.q)
     return Claim(free, best.z, best.w, outcome, best.certificate, best.dependent)
 

@@ -1,6 +1,7 @@
 """Compiled kernels for batches on a CPU, where they were built: methods, and what the judge measures.
 
-They are an alternative to code in JAX, never a requirement: the same steps in the same order, with the same statuses.
+They are an alternative to code in JAX, never a requirement: the same steps in the same order, with the same statuses,
+but that rows of a few contacts take turns in principal pivoting.
 JAX lowers all loops of a batch to one thread, and short vectors to loops of their own; here a problem stays in the
 nearest cache, up to eight contacts are solved several problems to an instruction, and XLA's own threads share a batch.
 
@@ -27,7 +28,7 @@ REALS = {"float64": "double", "float32": "float"}
 
 DATA_FINITE, POINT_FINITE, PROVED, SMALL, TELLING, CLOSE, MODERATE = 1, 2, 4, 16, 32, 64, 128
 """Bits of the flags: the data are finite, the point is; the certificate excludes a feasible point; eta is small, rho
-telling, eta close, the condition moderate, as `complementarity.judge` calls it. A certificate is looked at where eta
+telling, eta close, the condition moderate, as `complementarity.bars` says. A certificate is looked at where eta
 and rho are not small, the condition where eta is and rho does not tell."""
 
 _wanted = True

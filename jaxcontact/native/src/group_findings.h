@@ -101,9 +101,9 @@ struct GroupJudge {
   // PROVED and MODERATE of one lane.
   __attribute__((noinline)) int seen(const Ended<Real>& ended, const Real* z, int lane, Workspace<Real>& work) const {
     const Real *M = given.M + lane * m * m, *q = given.q + lane * m, *identity = nullptr;
-    const bool small = eta[lane] <= JudgeRules::backward_error<Real>;
     if (clear<Real>(eta[lane], rho[lane])) return 0;
-    int flags = small && moderate(M, q, z + lane * m, work) ? MODERATE : 0;
+    const bool small = eta[lane] <= JudgeRules::backward_error<Real>;
+    const int flags = small && moderate(M, q, z + lane * m, work) ? MODERATE : 0;
     if (!ended.certificates) return flags;
     Real unit_z[m], unit_w[m];
     for (int i = 0; i < m; ++i) unit_z[i] = down[i][lane], unit_w[i] = up[i][lane];

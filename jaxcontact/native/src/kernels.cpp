@@ -133,7 +133,6 @@ struct Results {
     if (certificate) std::memset(certificate + b * m, 0, sizeof(Real) * m * count);
     return certificate_at(b, work);
   }
-  Found<Real> found_at(int64_t b) const { return {found.eta + b, found.rho + b, found.told + b, found.what}; }
 };
 
 // All problems, pieces of them in parallel: of_group(size, b, count, work) for problems that fit a group, else
@@ -172,12 +171,12 @@ ffi::Error solved(ffi::ThreadPool& pool, Numbers& M_, Numbers& q_, const Results
         const Given<size(), Real> given(M + b * m * m, q + b * m, count);
         GroupJudge<size(), Real> judge(given);
         const Ended<Real> ended = of_group(judge, b, work);
-        judge.write(ended, to.z + b * m, work, to.found_at(b));
+        judge.write(ended, to.z + b * m, work, to.found.at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         Real* certificate = to.certificate_at(b, work);
         const int outcome = alone(stride, b, work, certificate);
-        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, certificate, outcome, work, to.found_at(b));
+        findings<stride()>(M + b * m * m, q + b * m, to.z + b * m, certificate, outcome, work, to.found.at(b));
       });
 }
 
@@ -261,11 +260,11 @@ ffi::Error GaussSeidel(ffi::ThreadPool pool, Numbers M_, Numbers q_, Numbers sta
       [=](auto size, int64_t b, int count, Workspace<Real>& work) {
         const Given<size(), Real> given(M + b * m * m, q + b * m, count);
         gauss_seidel_lanes(given, start ? start + b * m : nullptr, sweeps, work, to.z + b * m,
-                           to.certificates_at(b, count, work), to.steps + b, to.found_at(b));
+                           to.certificates_at(b, count, work), to.steps + b, to.found.at(b));
       },
       [=](auto stride, int64_t b, Workspace<Real>& work) {
         gauss_seidel<stride()>(M + b * m * m, q + b * m, start ? start + b * m : nullptr, sweeps, work, to.z + b * m,
-                               to.certificate_at(b, work), to.steps + b, to.found_at(b));
+                               to.certificate_at(b, work), to.steps + b, to.found.at(b));
       });
 }
 
@@ -327,7 +326,7 @@ ffi::Error OfPairs(ffi::ThreadPool pool, Numbers P_, Numbers N_, Numbers q_, ToN
                             active->typed_data(), degenerate->typed_data(), found};
   const auto at = [=](int64_t b) {
     return PairsFound<Real>{to.z + b * m,      to.w + b * m,          to.condition + b,
-                            to.active + b * m, to.degenerate + b * m, {found.eta + b, found.rho + b, found.told + b}};
+                            to.active + b * m, to.degenerate + b * m, found.at(b)};
   };
   return over_problems(
       pool, problems(q_), m, 1, true, 0,

@@ -157,6 +157,16 @@ struct Turns {
     for (int i = 0; i < m; ++i) solved &= ~negative(i, x[i]);
   }
 
+  // body(i) for each row, each a constant where the tableau is in registers.
+  template <class Body>
+  static JAXCONTACT_INLINE void rows(Body body) {
+    if constexpr (fits) {
+      each<m>(body);
+    } else {
+      for (int i = 0; i < m; ++i) body(i);
+    }
+  }
+
   K negative(int i, V value) const { return value < (active[i] ? floor_z : floor_w); }
 
   template <int r>
@@ -168,27 +178,15 @@ struct Turns {
     V across[m];
     each<m>([&](auto j) { across[j] = t[r][j] * -inverse; });
     const V step = x[r] * -inverse;
-    const auto exchange = [&](auto i) {
+    rows([&](auto i) {
+      if (i == r) return;
       const V left = t[i][r];
-      const auto entry = [&](auto j) {
+      rows([&](auto j) {
         if (j != r) t[i][j] = go ? t[i][j] + left * across[j] : t[i][j];
-      };
-      if constexpr (fits) {
-        each<m>(entry);
-      } else {
-        for (int j = 0; j < m; ++j) entry(j);
-      }
+      });
       t[i][r] = go ? left * inverse : left;
       x[i] = go ? x[i] + left * step : x[i];
-    };
-    if constexpr (fits) {
-      each<m>([&](auto i) {
-        if constexpr (i != r) exchange(i);
-      });
-    } else {
-      for (int i = 0; i < m; ++i)
-        if (i != r) exchange(i);
-    }
+    });
     each<m>([&](auto j) { t[r][j] = go ? across[j] : t[r][j]; });
     t[r][r] = go ? inverse : pivot;
     x[r] = go ? step : x[r];

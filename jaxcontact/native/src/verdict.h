@@ -5,9 +5,9 @@
 
 namespace jaxcontact {
 
-// PROVED: the certificate excludes a feasible point; DEPENDENT: no mode is regular; SMALL, TELLING, CLOSE: eta and rho
-// are within these bounds. A certificate is looked at where eta and rho are not both clear, the condition of the mode
-// (MODERATE) where eta is small and rho does not tell.
+// PROVED: the certificate excludes a feasible point; DEPENDENT: no mode is regular (of pairs); SMALL, TELLING, CLOSE:
+// eta and rho are within these bounds. A certificate is looked at where eta and rho are not both clear, the condition
+// of the mode (MODERATE) where eta is small and rho does not tell.
 enum Flags : int {
   DATA_FINITE = 1,
   POINT_FINITE = 2,
@@ -60,6 +60,8 @@ struct Found {
   Real *eta, *rho;
   int* told;
   Tells what;
+
+  Found at(int64_t b) const { return {eta + b, rho + b, told + b, what}; }
 };
 
 // How a method ended in each lane of a group, and its certificates; null if all are zero.
