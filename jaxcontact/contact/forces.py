@@ -111,7 +111,7 @@ def _cheapest(contacts: tuple[Contact, ...]) -> Any:
     return Direct() if len(sort_contacts(contacts).rest) <= CLOSED_FORM else Lemke()
 
 
-_terms = jax.jit(linalg.fused(terms))  # needed with and without derivatives, traced once
+_terms = jax.jit(terms)  # needed with and without derivatives, traced once
 
 
 class Seen(NamedTuple):
@@ -181,7 +181,7 @@ def _accelerated(operators: Delassus, free: Array, friction: Array, found: Slidi
         remaining = with_sign(operators.contacts, solution.z, solution.w)
         remaining = linalg.where(solution.answered, remaining, 0)  # NaN would reach the derivatives of other lanes
     normal = normal_forces(operators, friction, found, remaining)
-    pushes = operators.N * normal[None, :] - operators.T * (friction * jnp.abs(normal))[None, :]
+    pushes = operators.N * normal[None, :] - operators.T * (friction * lax.abs(normal))[None, :]
     return normal, linalg.solve_lower_transposed(operators.L, jnp.sum(pushes, axis=1) - free)
 
 
@@ -203,7 +203,7 @@ def _looked_at(parts: Terms, operators: Delassus, free, friction, found: Sliding
 
     def measured(parts, operators, free, friction, found, normal, a):
         load = length_of(free[:, None])[0]
-        motion = Motion(a, normal, -friction * jnp.abs(normal), friction, length_of(operators.N), load)
+        motion = Motion(a, normal, -friction * lax.abs(normal), friction, length_of(operators.N), load)
         misses, unique = residuals(contacts, parts, motion), _certified(found.N, found.D)
         return Looked(misses, found.span.deficient, contradiction(operators, found), unique)
 
@@ -234,7 +234,7 @@ def _judged(contacts, friction, looked: Looked, solution, normal, a, status) -> 
 
     return ContactForces(
         normal=kept(normal),
-        tangential=kept(-friction * jnp.abs(normal)),
+        tangential=kept(-friction * lax.abs(normal)),
         acceleration=kept(a),
         status=status,
         residual=kept(largest),

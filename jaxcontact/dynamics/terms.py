@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from ..linalg import fused
 from ..linalg.program import Program, units
 from ..linalg.unrolled import entries, in_a_row, row_of
 from .records import State
@@ -84,7 +85,7 @@ def _mass_matrix(mechanism, q: Array, momentum: Program | None) -> Array:
     mirrored."""
     n = q.shape[0]
     if hasattr(mechanism, "mass_matrix"):
-        return _shaped(mechanism, "mass_matrix", mechanism.mass_matrix(q), (n, n))
+        return _stated(mechanism, "mass_matrix", (n, n), q)
     momenta = momentum.given(in_a_row(q)).at(units(in_a_row(q)))
     return _rows([[momenta[min(i, j)][max(i, j)] for j in range(n)] for i in range(n)], q)
 
@@ -94,7 +95,7 @@ def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None, momen
     T being quadratic in v."""
     n = q.shape[0]
     if hasattr(mechanism, "bias"):
-        return _shaped(mechanism, "bias", mechanism.bias(q, v, t), (n,))
+        return _stated(mechanism, "bias", (n,), q, v, t)
     bias = jnp.zeros_like(q)
     if energy is not None:
         bias = bias + _inertial_bias(q, v, energy, momentum)
@@ -102,7 +103,7 @@ def _bias(mechanism, q: Array, v: Array, t: Array, energy: Program | None, momen
         potential = Program.of(lambda p: _shaped(mechanism, "potential_energy", mechanism.potential_energy(p), ()), q)
         bias = bias + _row([slope for (slope,) in potential.partials(in_a_row(q), n)], q)
     if hasattr(mechanism, "applied_force"):
-        bias = bias - _shaped(mechanism, "applied_force", mechanism.applied_force(q, v, t), (n,))
+        bias = bias - _stated(mechanism, "applied_force", (n,), q, v, t)
     return bias
 
 
@@ -116,7 +117,7 @@ def _inertial_bias(q: Array, v: Array, energy: Program, momentum: Program) -> Ar
 def _gap_gradients(mechanism, q: Array, gaps: Program, place: list[Array]) -> Array:
     n = q.shape[0]
     if hasattr(mechanism, "gap_gradients"):
-        return _shaped(mechanism, "gap_gradients", mechanism.gap_gradients(q), (n, len(mechanism.contacts)))
+        return _stated(mechanism, "gap_gradients", (n, len(mechanism.contacts)), q)
     return _rows(gaps.partials(place, n), q)
 
 
@@ -126,7 +127,7 @@ def _gap_curvature(
     """c = d^2/ds^2 h(q + s v, t + s) at s = 0: zero at rest unless the constraint is driven."""
     contacts = len(mechanism.contacts)
     if hasattr(mechanism, "gap_curvature"):
-        return _shaped(mechanism, "gap_curvature", mechanism.gap_curvature(q, v), (contacts,))
+        return _stated(mechanism, "gap_curvature", (contacts,), q, v)
     if at_rest and not _driven(mechanism):
         return jnp.zeros((contacts,), q.dtype)
     steady = [jnp.zeros_like(x) for x in motion]
@@ -141,7 +142,7 @@ def _slip(mechanism, q: Array, v: Array) -> tuple[Array, Array]:
     slips = Program.of(lambda q, v: _shaped(mechanism, "slips", mechanism.slips(q, v), (len(contacts),)), q, v)
     slips, moving = slips.given(in_a_row(q)), in_a_row(v)
     if hasattr(mechanism, "slip_directions"):
-        H = entries(_shaped(mechanism, "slip_directions", mechanism.slip_directions(q), (n, len(contacts))))
+        H = entries(_stated(mechanism, "slip_directions", (n, len(contacts)), q))
     else:
         H = slips.partials(moving, n)
     return _row(_frictional(contacts, slips(moving)), q), _rows([_frictional(contacts, row) for row in H], q)
@@ -176,6 +177,11 @@ def _row(scalars: list[Array], like: Array) -> Array:
 
 def _rows(rows: list[list[Array]], like: Array) -> Array:
     return _row([x for row in rows for x in row], like).reshape(len(rows), -1 if rows and rows[0] else 0)
+
+
+def _stated(mechanism, name: str, shape: tuple[int, ...], *arguments: Array) -> Array:
+    """What the mechanism states by hand, as a program on scalars."""
+    return _shaped(mechanism, name, fused(getattr(mechanism, name))(*arguments), shape)
 
 
 def _shaped(mechanism, name: str, value: Any, shape: tuple[int, ...]) -> Array:

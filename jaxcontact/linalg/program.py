@@ -35,7 +35,7 @@ class Program:
             for x in arguments:
                 inputs.append(Entries(x.shape, x.dtype, rest[: x.size]))
                 rest = rest[x.size :]
-            (result,) = _reader().run(traced.jaxpr, traced.consts, inputs)
+            (result,) = Reader(False).run(traced.jaxpr, traced.consts, inputs)
             return entries_of(result).flat
 
         return cls._traced(on_scalars, [entry for x in arguments for entry in in_a_row(x)])
@@ -57,7 +57,7 @@ class Program:
 
     def at(self, points: list[list[Scalar]]) -> list[list[Scalar]]:
         """The entries of the result at several points; what these have in common is computed once."""
-        reader = _reader()
+        reader = Reader(False)
         results = [reader.run(self._program, [], [*self._known, *map(_entry, point)]) for point in points]
         return [[entries_of(x).flat[0] for x in result] for result in results]
 
@@ -99,16 +99,12 @@ class Program:
         carried = list(dict.fromkeys(v for v in needed if not isinstance(v, core.Literal) and v in found))
         first = program.replace(invars=known, outvars=carried, eqns=now)
         rest = program.replace(invars=[*carried, *unknown], eqns=later)
-        return Program(rest, _reader().run(first, [], values))
+        return Program(rest, Reader(False).run(first, [], values))
 
 
 def units(scalars: list[Scalar]) -> list[list[np.generic]]:
     """The unit vectors of as many numbers, as constants."""
     return [list(row) for row in np.eye(len(scalars), dtype=scalars[0].dtype)] if scalars else []
-
-
-def _reader() -> Reader:
-    return Reader(False, read_again=True)
 
 
 def _entry(x: Scalar) -> Entries:

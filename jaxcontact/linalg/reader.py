@@ -10,15 +10,12 @@ import numpy as np
 from jax import lax
 from jax.extend import core
 
-from jaxcontact.linalg.circular import has_polynomials
 from jaxcontact.linalg.scalar_rules import (
     ELEMENTWISE,
     FOLD,
     KNOWN,
     PARTS,
-    POLYNOMIALS,
     REDUCTIONS,
-    SHIELDED,
     STRUCTURE,
     Entries,
     entries_of,
@@ -31,6 +28,7 @@ from jaxcontact.linalg.scalar_rules import (
     whole,
 )
 from jaxcontact.linalg.screens import screen
+from jaxcontact.linalg.shielded import SHIELDED
 from jaxcontact.linalg.unrolled import milestone
 
 ENTRIES_LIMIT = 128
@@ -51,13 +49,12 @@ LOOP_LIMIT = 5000
 class Reader:
     """Reads a program step by step; `known` remembers what has been computed, by operation and operands.
 
-    The values of the first milestones may be `given`. In a program that is `read_again` nothing is shielded yet.
+    The values of the first milestones may be `given`.
     """
 
-    def __init__(self, final: bool, given: Sequence = (), *, read_again: bool = False):
+    def __init__(self, final: bool, given: Sequence = ()):
         self.final = final
         self.given = given
-        self.read_again = read_again
         self.milestones: list = []
         self.known: dict = {}
         self.wild: set[int] = set()
@@ -225,14 +222,8 @@ class Reader:
     def _bind(self, primitive, params: dict | None, operands) -> Any:
         if params is None:
             return {lax.mul_p: lax.mul, lax.add_p: lax.add}[primitive](*operands)
-        if self.final and primitive.name in POLYNOMIALS and has_polynomials(operands[0].dtype):
-            return POLYNOMIALS[primitive.name](jnp.asarray(operands[0]))
-        if (
-            not self.read_again
-            and primitive.name in SHIELDED
-            and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating)
-        ):
-            return screen(primitive.bind(*operands, **params)) if self.final else SHIELDED[primitive.name](*operands)
+        if primitive.name in SHIELDED and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating):
+            return SHIELDED[primitive.name].bind(*operands)
         return primitive.bind(*operands, **params)
 
 

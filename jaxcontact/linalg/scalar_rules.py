@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxcontact.linalg.circular import cosine, has_polynomials, sine
-from jaxcontact.linalg.screens import SCREEN, SHIELD, screen
-from jaxcontact.linalg.tracing import traced_once
+from jaxcontact.linalg.screens import SCREEN, SHIELD
+from jaxcontact.linalg.shielded import SHIELDED, quotient_p, root_p
 from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
 
 
@@ -183,6 +182,7 @@ ELEMENTWISE = {
     ),
     *(
         SCREEN,
+        *(primitive.name for primitive in SHIELDED.values()),
         "shift_right_logical",
         "sign",
         "sin",
@@ -255,6 +255,7 @@ FOLD = {
     "div": _fold_div,
     "mul": _fold_mul,
     "neg": _fold_neg,
+    quotient_p.name: _fold_div,
     "select_n": _fold_select,
     "sub": _fold_sub,
 }
@@ -262,11 +263,11 @@ FOLD = {
 
 # --- what may leave the finite numbers
 
-UNBOUNDED = {"acos", "asin", "log", "pow", "round", "rsqrt", "sqrt", "tan"}
+UNBOUNDED = {"acos", "asin", "log", "pow", "round", "rsqrt", "sqrt", "tan", root_p.name}
 
 
 def may_be_infinite(name: str, params: dict | None, operands) -> bool:
-    if name == "div":
+    if name in ("div", quotient_p.name):
         return not (_constant(operands[1]) and operands[1] != 0)
     return name in UNBOUNDED or (name == "integer_pow" and params["y"] < 0)
 
@@ -278,49 +279,3 @@ def is_shield(name: str, params: dict | None) -> bool:
 def is_milestone(step) -> bool:
     """Whether a step is the call of `unrolled.milestone`."""
     return step.primitive.name in ("jit", "pjit") and step.params["name"] == milestone.__name__
-
-
-# --- expensive operations behind a screen, with derivatives that are screened as well
-
-
-@jax.custom_jvp
-def _sin(x):
-    return sine(x) if has_polynomials(x.dtype) else screen(lax.sin(x))
-
-
-@jax.custom_jvp
-def _cos(x):
-    return cosine(x) if has_polynomials(x.dtype) else screen(lax.cos(x))
-
-
-@jax.custom_jvp
-def _sqrt(x):
-    return screen(lax.sqrt(x))
-
-
-@jax.custom_jvp
-def _quotient(x, y):
-    return screen(lax.div(x, y))
-
-
-def _half_inverse(x):
-    return 0.5 * _quotient(jnp.ones_like(x), x)
-
-
-_sin.defjvp(lambda primals, tangents: (_sin(*primals), _cos(*primals) * tangents[0]))
-_cos.defjvp(lambda primals, tangents: (_cos(*primals), -_sin(*primals) * tangents[0]))
-_sqrt.defjvp(lambda primals, tangents: (_sqrt(*primals), tangents[0] * _half_inverse(_sqrt(*primals))))
-
-
-@_quotient.defjvp
-def _quotient_jvp(primals, tangents):
-    (x, y), (dx, dy) = primals, tangents
-    q = _quotient(x, y)
-    return q, (dx - q * dy) * _quotient(jnp.ones_like(y), y)
-
-
-POLYNOMIALS = {"sin": sine, "cos": cosine}
-
-SHIELDED = {
-    name: traced_once(rule) for name, rule in (("sin", _sin), ("cos", _cos), ("sqrt", _sqrt), ("div", _quotient))
-}
