@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.custom_batching import custom_vmap
 
 from jaxcontact.linalg.batches import walled
 from jaxcontact.linalg.fused import as_one, from_one, fused
@@ -22,9 +23,9 @@ BITS = 31
 
 
 def packed(function: Callable) -> Callable:
-    """`function`, of small arrays, whose few results are truth values and real numbers of one dtype, as a program on
-    scalars that returns a number for each two real ones and for each BITS truth values. Behind a wall; not to be
-    differentiated.
+    """`function`, of small arrays, whose few results are truth values and real numbers of one dtype; under vmap as a
+    program on scalars that returns a number for each two real ones and for each BITS truth values, behind a wall. One
+    problem by itself, where there are no loops to save, takes the function as it is. Not to be differentiated.
 
     >>> largest, whole = packed(lambda x: (jnp.abs(x).max(), jnp.isfinite(x)))(jnp.ones(3))
     """
@@ -46,7 +47,17 @@ def packed(function: Callable) -> Callable:
             results.append(rows[x.dtype][first : used[x.dtype]].reshape(x.shape))
         return jax.tree.unflatten(structure, results)
 
-    return apart
+    @custom_vmap
+    def one(*arguments):
+        return function(*arguments)
+
+    @one.def_vmap
+    def _(size, batched, *arguments):
+        axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
+        results = jax.vmap(apart, axes, axis_size=size)(*arguments)
+        return results, jax.tree.map(lambda _: True, results)
+
+    return one
 
 
 def _numbers(results: list[jax.Array]) -> list[jax.Array]:
