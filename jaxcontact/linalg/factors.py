@@ -1,5 +1,7 @@
 """Triangular factors and what is solved or projected with them, for one small matrix."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +29,7 @@ DEPENDENCE = 16
 """A column counts as dependent on the earlier ones when less than this many roundings of it are left."""
 
 
+@jax.jit
 def cholesky(M: jax.Array) -> jax.Array:
     """Lower triangular L (n, n) with L L^T = M for symmetric positive definite M (n, n); NaN where M is not.
 
@@ -62,6 +65,7 @@ def solve_lower_transposed(L: jax.Array, B: jax.Array) -> jax.Array:
     return _solve_triangular(L, B, transposed=True)
 
 
+@partial(jax.jit, static_argnames="transposed")
 def _solve_triangular(L: jax.Array, B: jax.Array, transposed: bool) -> jax.Array:
     if B.size == 0:
         return B
@@ -89,6 +93,7 @@ def _substitute(L: list[list[Scalar]], inverse: list[Scalar], b: list[Scalar], t
     return x
 
 
+@jax.jit
 def gram(A: jax.Array, B: jax.Array) -> jax.Array:
     """A^T B (p, q) for A (n, p) and B (n, q), or (p,) for B (n,).
 
