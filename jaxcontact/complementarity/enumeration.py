@@ -10,6 +10,7 @@ from itertools import product
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxcontact import linalg
@@ -90,7 +91,7 @@ def _enumerated(problem):
     form = normal_form(fixed)
     m = form.P.shape[1]
     modes = jnp.array(list(product((False, True), repeat=m)), bool).reshape(2**m, m)
-    free, z, w, holds, family, doubt, radius = jax.vmap(lambda mode: _solved_mode(fixed, form, mode))(modes)
+    free, z, w, holds, family, doubt, radius = lax.map(lambda mode: _solved_mode(fixed, form, mode), modes)
     valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
     point = [linalg.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
     free, z, w = jax.vmap(lambda *part: attach(problem, *part))(*point)
@@ -113,16 +114,17 @@ def _solved_mode(problem, form, mode):
     found = analysed_inverse(K)
     x = -dot(found.matrix, form.q)
     x = x - dot(found.matrix, dot(K, x) + form.q)
-    sign = jnp.concatenate([jnp.zeros(k, x.dtype), linalg.where(mode, 1, -1).astype(x.dtype)])
+    sign = lax.concatenate([np.zeros(k, x.dtype), linalg.where(mode, x.dtype.type(1), -1)], 0)
     kernel = _kernel(K, found)
-    heights = linalg.greatest(jnp.abs(kernel), axis=0, initial=0)
-    line = jnp.sum(linalg.where(first(heights == linalg.greatest(heights, initial=0))[None, :], kernel, 0), axis=1)
+    heights = linalg.greatest(lax.abs(kernel), axis=0, initial=0)
+    highest = first(heights == linalg.greatest(heights, initial=0))
+    line = lax.reduce_sum(linalg.where(highest[None, :], kernel, 0), (1,))
     shift, _ = _stretch(sign * x, sign * line)
     x = linalg.where(found.deficiency == 1, x + shift * line, x)
     size = jnp.maximum(sign * x, 0)[k:]
     free, z, w = x[:k], linalg.where(mode, size, 0), linalg.where(mode, 0, size)
     eps = jnp.finfo(x.dtype).eps
-    terms = linalg.greatest(dot(jnp.abs(K), jnp.abs(x)) + jnp.abs(form.q), initial=0)
+    terms = linalg.greatest(dot(lax.abs(K), lax.abs(x)) + lax.abs(form.q), initial=0)
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
     holds = inside & acceptable(*residuals(problem, form, free, z, w))
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
@@ -136,15 +138,15 @@ def _solved_mode(problem, form, mode):
 
 
 def _miss(K, x, q):
-    return linalg.greatest(jnp.abs(dot(K, x) + q), initial=0)
+    return linalg.greatest(lax.abs(dot(K, x) + q), initial=0)
 
 
 def _kernel(K, found):
     """(n, n) I - G K: its columns span the kernel of K, entries at rounding level removed; zero for a regular K."""
     n = K.shape[0]
     kernel = jnp.eye(n, dtype=K.dtype) - dot(found.matrix, K)
-    floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * linalg.greatest(jnp.abs(kernel), axis=0, initial=0)
-    kernel = linalg.where(jnp.abs(kernel) > floor[None, :], kernel, 0)
+    floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * linalg.greatest(lax.abs(kernel), axis=0, initial=0)
+    kernel = linalg.where(lax.abs(kernel) > floor[None, :], kernel, 0)
     return linalg.where(found.deficiency > 0, kernel, 0)
 
 
@@ -156,10 +158,10 @@ def _stretch(y, line):
     at = -y / linalg.where(line == 0, 1, line)
     low = linalg.greatest(linalg.where(rising, at, -jnp.inf), 0, initial=-jnp.inf)
     high = linalg.least(linalg.where(falling, at, jnp.inf), 0, initial=jnp.inf)
-    t = linalg.where(jnp.isfinite(low), low, linalg.where(jnp.isfinite(high), high, 0))
-    steepest = linalg.greatest(jnp.abs(line), 0, initial=0)
-    size = linalg.greatest(linalg.where(line == 0, 0, jnp.abs(at)), 0, initial=0)
-    size = jnp.maximum(size, linalg.greatest(jnp.abs(y), 0, initial=0) / linalg.where(steepest > 0, steepest, 1))
+    t = linalg.where(lax.is_finite(low), low, linalg.where(lax.is_finite(high), high, 0))
+    steepest = linalg.greatest(lax.abs(line), 0, initial=0)
+    size = linalg.greatest(linalg.where(line == 0, 0, lax.abs(at)), 0, initial=0)
+    size = jnp.maximum(size, linalg.greatest(lax.abs(y), 0, initial=0) / linalg.where(steepest > 0, steepest, 1))
     return t, linalg.where(high - low > 0, (high - low) / linalg.where(size > 0, size, 1), -1)
 
 
@@ -169,11 +171,11 @@ def _repeats(problem, form, point, holds, radius):
     _, z, w = point
     rows = jnp.concatenate([z * scale_z[None, :], w * scale_w[None, :]], axis=1)
     order = jnp.arange(rows.shape[0])
-    size = linalg.greatest(jnp.abs(linalg.where(holds[:, None], rows, 0)), axis=1, initial=0)
+    size = linalg.greatest(lax.abs(linalg.where(holds[:, None], rows, 0)), axis=1, initial=0)
     cap = jnp.finfo(rows.dtype).eps ** FURTHEST
 
     def repeated(i):
-        apart = linalg.greatest(jnp.abs(rows - rows[i][None, :]), axis=1, initial=0)
+        apart = linalg.greatest(lax.abs(rows - rows[i][None, :]), axis=1, initial=0)
         near = apart <= jnp.minimum(jnp.maximum(radius, radius[i]), cap) * jnp.maximum(size, size[i])
         return jnp.any(near & holds & (order < i))
 
