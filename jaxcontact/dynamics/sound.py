@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 
 from .. import linalg
 from .records import State
@@ -33,7 +33,7 @@ def energy_of(mechanism: Any, q: Array) -> Energy:
     v = jnp.arange(1, len(q) + 1, dtype=q.dtype)
     energy = jax.jit(lambda v: mechanism.kinetic_energy(q, v))  # traced once
     at_rest, there, back = map(energy, (jnp.zeros_like(q), v, -v))
-    beyond = jnp.abs(there - back) > float(jnp.finfo(q.dtype).eps) ** 0.5 * (jnp.abs(there) + jnp.abs(back))
+    beyond = lax.abs(there - back) > float(jnp.finfo(q.dtype).eps) ** 0.5 * (lax.abs(there) + lax.abs(back))
     return Energy(at_rest, linalg.where(beyond, there - back, 0))
 
 
@@ -80,12 +80,13 @@ def _refuse_undefined(owner: str, mechanism: Any, parts: Any) -> None:
             )
 
 
+@jax.jit  # at the door it is called with plain arrays
 def closed_and_kept(parts: Any, state: State) -> tuple[Array, Array]:
     """(m,), (m,) bool: the gap is closed; it stays so. Both within half the digits of what its terms may add up to."""
     share = float(jnp.finfo(parts.gap.dtype).eps) ** OFF_CONSTRAINT
-    steep = jnp.sum(jnp.abs(parts.G), axis=0)
-    closed = jnp.abs(parts.gap) <= share * steep * linalg.greatest(jnp.abs(state.q), initial=0)
-    return closed, jnp.abs(parts.gap_rate) <= share * steep * linalg.greatest(jnp.abs(state.v), initial=0)
+    steep = jnp.sum(lax.abs(parts.G), axis=0)
+    closed = lax.abs(parts.gap) <= share * steep * linalg.greatest(lax.abs(state.q), initial=0)
+    return closed, lax.abs(parts.gap_rate) <= share * steep * linalg.greatest(lax.abs(state.v), initial=0)
 
 
 def _refuse_open(owner: str, mechanism: Any, parts: Any, state: State) -> None:
