@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact.complementarity.forms import normal_form
 from jaxcontact.complementarity.inverse import inverse
@@ -61,7 +62,7 @@ class Banach:
 
     def step(self, problem: AbsoluteValueEquation, state: FixedPoint):
         """One application of the map."""
-        return self._measured(problem, state.inverse, dot(state.inverse, dot(problem.B, jnp.abs(state.x)) - problem.w))
+        return self._measured(problem, state.inverse, dot(state.inverse, dot(problem.B, lax.abs(state.x)) - problem.w))
 
     def read(self, problem: AbsoluteValueEquation, state: FixedPoint):
         """x."""
@@ -71,7 +72,7 @@ class Banach:
     def _measured(self, problem, G, x):
         error = residuals(problem, normal_form(problem), x[:0], jnp.maximum(x, 0), jnp.maximum(-x, 0))[0]
         target = STOP_AT * jnp.finfo(x.dtype).eps
-        return FixedPoint(x, G, error, (error <= target) | ~jnp.isfinite(error))
+        return FixedPoint(x, G, error, (error <= target) | ~lax.is_finite(error))
 
 
 def contraction_rate(problem: AbsoluteValueEquation):

@@ -134,7 +134,7 @@ def _weights(problem, box):
 def given_size(M, q, problem):
     """(m,) |M| |x| + |q| at the point of the box nearest to zero: the size of the data, as |q| is that of an LCP."""
     nearest = jnp.clip(jnp.zeros_like(q), problem.lower, problem.upper)
-    return dot(jnp.abs(M), jnp.abs(nearest)) + jnp.abs(q)
+    return dot(lax.abs(M), lax.abs(nearest)) + lax.abs(q)
 
 
 def residuals_of_box(problem: BoxedLCP, x):
@@ -142,7 +142,7 @@ def residuals_of_box(problem: BoxedLCP, x):
     the sizes that enter (eta, the larger of the caller's and the balanced units) and to the data (rho). Where all x are
     zero, every distance from a bound is large."""
     M, q = problem.M, problem.q
-    w, terms = dot(M, x) + q, dot(jnp.abs(M), jnp.abs(x)) + jnp.abs(q)
+    w, terms = dot(M, x) + q, dot(lax.abs(M), lax.abs(x)) + lax.abs(q)
     diagonal, side = linalg.diagonal(M), largest_of_rows(M)
     t = jnp.where(diagonal > 0, diagonal, jnp.where(side > 0, side, 1))
     rows = row_exponents(M)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact import native
 from jaxcontact.complementarity.gauss_seidel import hopeless_row
@@ -138,9 +139,9 @@ def _violation(M, q, z):
     """What candidates are compared by: eta of z in balanced units, powers of two standing for the largest z and w."""
     m = len(z)
     w = [sum((M[i, j] * z[j] for j in range(m)), q[i]) for i in range(m)]
-    terms = [sum((jnp.abs(M[i, j]) * z[j] for j in range(m)), jnp.abs(q[i])) for i in range(m)]
+    terms = [sum((lax.abs(M[i, j]) * z[j] for j in range(m)), lax.abs(q[i])) for i in range(m)]
     per_z, per_w = (power_of_two(-exponent(_largest(parts)), terms[0].dtype) for parts in (z, terms))
-    return _largest([jnp.abs(jnp.minimum(z[i] * per_z, w[i] * per_w)) for i in range(m)])
+    return _largest([lax.abs(jnp.minimum(z[i] * per_z, w[i] * per_w)) for i in range(m)])
 
 
 def _largest(scalars):

@@ -103,7 +103,7 @@ class ProjectedGaussSeidel:
 
     def _measured(self, problem, z):
         error = residuals(problem, normal_form(problem), z[:0], z, z)[0]
-        return Iterate(z, error, (error <= self._target(z.dtype)) | ~jnp.isfinite(error))
+        return Iterate(z, error, (error <= self._target(z.dtype)) | ~lax.is_finite(error))
 
     def _target(self, dtype):
         return float(STOP_AT * jnp.finfo(dtype).eps) if self.tolerance is None else self.tolerance

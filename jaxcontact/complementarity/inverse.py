@@ -100,11 +100,11 @@ def _closed(B):
         return linalg.where(single, 1 / linalg.where(single, B, 1), 0), single.astype(jnp.int32)
     a, b, c, d = entries
     volume = det2(a, b, c, d)
-    regular = jnp.abs(volume) > PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * pivot * pivot
+    regular = lax.abs(volume) > PIVOT_FLOOR * n * jnp.finfo(B.dtype).eps * pivot * pivot
     scale = 1 / linalg.where(regular, volume, 1)
     taken, alone = jnp.zeros((), bool), []
     for entry in entries:
-        here = single & ~taken & (jnp.abs(entry) == pivot)
+        here = single & ~taken & (lax.abs(entry) == pivot)
         alone.append(linalg.where(here, 1 / linalg.where(here, entry, 1), 0))
         taken = taken | here
     full, part = (d, -b, -c, a), (alone[0], alone[2], alone[1], alone[3])
@@ -147,7 +147,7 @@ def _gauss_jordan(B):
 def _sweep(carry, floor):
     """Exchange one row with one column at the largest entry left (Jordan exchange), or do nothing below the floor."""
     T, rows_free, columns_free, pairing = carry
-    size = linalg.where(rows_free[:, None] & columns_free[None, :], jnp.abs(T), -1)
+    size = linalg.where(rows_free[:, None] & columns_free[None, :], lax.abs(T), -1)
     best = greatest(size, -1)
     across = linalg.greatest(size, axis=1)
     row = first(across == best)
@@ -166,4 +166,4 @@ def _sweep(carry, floor):
 
 
 def _row_sum_norm(A):
-    return largest(jnp.sum(jnp.abs(A), axis=1))
+    return largest(jnp.sum(lax.abs(A), axis=1))

@@ -154,7 +154,7 @@ class Lemke:
 def _blocking(basis, T):
     """(row that leaves, the entering column as it falls, whether anything blocks)."""
     column = -entry(T, basis.entering, 1)
-    floor = PIVOT[T.dtype.name] * jnp.finfo(T.dtype).eps * greatest_numbers(jnp.abs(column))[0]
+    floor = PIVOT[T.dtype.name] * jnp.finfo(T.dtype).eps * greatest_numbers(lax.abs(column))[0]
     leaving, blocked = _leaving(basis, T, column, column > floor[None])
     return leaving, column, blocked
 
@@ -190,7 +190,7 @@ def _smallest(ratio):
     """bool: entries equal to the smallest one up to the tolerance of ties."""
     tie = TIE[ratio.dtype.name] * jnp.finfo(ratio.dtype).eps
     least = least_entry(ratio)[0][None]
-    return ratio <= least + tie * (1 + jnp.abs(least))
+    return ratio <= least + tie * (1 + lax.abs(least))
 
 
 def _pivoted(basis, leaving, column, blocked, across):

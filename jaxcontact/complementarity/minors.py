@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact.complementarity.scaling import scaled
 from jaxcontact.linalg import as_one, from_one, fused, shield, walled
@@ -65,7 +66,7 @@ def _mode(M, q):
     M, q = data.M, data.q
     minors = _Minors([[M[i, j] for j in range(m)] + [q[i]] for i in range(m)])
     eps = float(jnp.finfo(q.dtype).eps)
-    sizes = [jnp.abs(minors.principal(S)) for S in _subsets(m)]
+    sizes = [lax.abs(minors.principal(S)) for S in _subsets(m)]
     best, code = None, jnp.int32(0)
     for S, size in zip(_subsets(m), sizes, strict=True):
         sign = jnp.where(minors.principal(S) < 0, -1, 1).astype(q.dtype)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact.complementarity.inverse import PIVOT_FLOOR, balanced
 from jaxcontact.complementarity.scaling import exponent, power_of_two
@@ -84,8 +85,8 @@ def _candidates(columns, load):
     for j, k in product((0, m), (1, m + 1)):
         (a, c), (b, d) = columns[j], columns[k]
         volume = det2(a, b, c, d)
-        size = jnp.maximum(jnp.maximum(jnp.abs(a), jnp.abs(b)), jnp.maximum(jnp.abs(c), jnp.abs(d)))
-        regular = jnp.abs(volume) > PIVOT_FLOOR * m * jnp.finfo(volume.dtype).eps * size * size
+        size = jnp.maximum(jnp.maximum(lax.abs(a), lax.abs(b)), jnp.maximum(lax.abs(c), lax.abs(d)))
+        regular = lax.abs(volume) > PIVOT_FLOOR * m * jnp.finfo(volume.dtype).eps * size * size
         y = _quotient(det2(load[0], b, load[1], d), volume), _quotient(det2(a, load[0], c, load[1]), volume)
         yield (j, k), y, regular
 
@@ -93,8 +94,8 @@ def _candidates(columns, load):
 def _violation(columns, y, load):
     """The largest |sum_j y_j column_j - load|, relative to the largest sum of terms."""
     m = len(load)
-    miss = [jnp.abs(sum((y[j] * column[i] for j, column in enumerate(columns)), -load[i])) for i in range(m)]
-    size = [sum((y[j] * jnp.abs(column[i]) for j, column in enumerate(columns)), jnp.abs(load[i])) for i in range(m)]
+    miss = [lax.abs(sum((y[j] * column[i] for j, column in enumerate(columns)), -load[i])) for i in range(m)]
+    size = [sum((y[j] * lax.abs(column[i]) for j, column in enumerate(columns)), lax.abs(load[i])) for i in range(m)]
     most = _largest(size)
     return _largest(miss) / where(most > 0, most, 1)
 
@@ -104,7 +105,7 @@ def _separating(columns, load, rows, scales):
     zero = jnp.zeros((), load[0].dtype)
     best, lowest = [zero] * len(load), zero
     for y in _normals(columns, load):
-        unit = power_of_two(-exponent(_largest([jnp.abs(part) for part in y])), zero.dtype)
+        unit = power_of_two(-exponent(_largest([lax.abs(part) for part in y])), zero.dtype)
         y = [part * unit for part in y]  # no rounding: what is normal to a column stays so to the last bit
         rounding = PIVOT_FLOOR * jnp.finfo(zero.dtype).eps
         fits = [sum(a * b for a, b in zip(y, c, strict=True)) >= -rounding * _size(c) for c in columns]
@@ -126,7 +127,7 @@ def _normals(columns, load):
 
 
 def _size(column):
-    return sum(jnp.abs(part) for part in column)
+    return sum(lax.abs(part) for part in column)
 
 
 def _largest(scalars):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact import native
 from jaxcontact.complementarity.method import Answer
@@ -151,7 +152,7 @@ def _pivoted(basis, across, column):
     pivot, and the urgency of its rows."""
     r = basis.row
     limit = PIVOT[across.dtype.name] * jnp.finfo(across.dtype).eps
-    go = (entry(across, r) > limit * greatest_numbers(jnp.abs(across))[0]) & ~basis.done
+    go = (entry(across, r) > limit * greatest_numbers(lax.abs(across))[0]) & ~basis.done
     exchange, values = exchange_of(go, r, r, across, column, basis.values)
     here = rows_of(column) == r[None]
     basis = basis._replace(
@@ -188,7 +189,7 @@ def _choice(basis, urgency):
 
 def _sizes(basis):
     """(m,) the size of the values of its kind, for each row; w are of size one at least, as the load is."""
-    size = jnp.abs(basis.values)
+    size = lax.abs(basis.values)
     size_z, size_w = greatest_numbers(jnp.where(basis.active, size, 0), size)
     return jnp.where(basis.active, size_z[None], jnp.maximum(size_w, 1)[None])
 

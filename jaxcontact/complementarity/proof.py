@@ -1,6 +1,7 @@
 """Whether a certificate proves that a problem has no feasible point."""
 
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact.complementarity.forms import normal_form
 from jaxcontact.complementarity.residuals import above_zero, pair_scales
@@ -27,13 +28,13 @@ def infeasible(problem, form, y):
     scale_z, scale_w = pair_scales(problem, form)
 
     def error(A, scale, sign):
-        product, terms = accurate_product(y, A), dot(jnp.abs(y), jnp.abs(A))
-        wrong = jnp.abs(product) if sign == 0 else jnp.maximum(-sign * product, 0)
-        return largest((wrong + rounding * terms) / scale) / above_zero(largest(jnp.abs(A) / scale[None, :]))
+        product, terms = accurate_product(y, A), dot(lax.abs(y), lax.abs(A))
+        wrong = lax.abs(product) if sign == 0 else jnp.maximum(-sign * product, 0)
+        return largest((wrong + rounding * terms) / scale) / above_zero(largest(lax.abs(A) / scale[None, :]))
 
     free = error(form.F, jnp.ones(form.F.shape[1], y.dtype), 0)
     signs = jnp.maximum(error(form.P, scale_z, 1), error(form.N, scale_w, -1))
-    load = dot(y, form.q) - n * eps * dot(jnp.abs(y), jnp.abs(form.q))
+    load = dot(y, form.q) - n * eps * dot(lax.abs(y), lax.abs(form.q))
     allowed = CERTIFICATE_BOUND * rounding * load / above_zero(largest(form.q))
     return (load > 0) & (free <= allowed) & (signs <= allowed)
 

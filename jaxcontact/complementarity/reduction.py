@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact import linalg
 from jaxcontact.complementarity.forms import NormalForm, mode_matrix
@@ -68,8 +69,8 @@ def _without_rounding(slope, G, K, Y):
     eps = jnp.finfo(slope.dtype).eps
     _, rows, columns = balanced(K)
     unit = columns[:, None] * largest_of_rows((rows[:, None] * Y).T)[None, :]
-    error = dot(jnp.abs(G), dot(jnp.abs(K), dot(jnp.abs(G), jnp.abs(Y)))) + eps * unit
-    return jnp.where(jnp.abs(slope) > PIVOT_FLOOR * len(G) * eps * error, slope, 0)
+    error = dot(lax.abs(G), dot(lax.abs(K), dot(lax.abs(G), lax.abs(Y)))) + eps * unit
+    return jnp.where(lax.abs(slope) > PIVOT_FLOOR * len(G) * eps * error, slope, 0)
 
 
 def _regular_mode(form):
@@ -89,7 +90,7 @@ def _regular_mode(form):
 def _eliminate(carry, weight, k):
     """Take the column with the largest weighted entry left, and spend its row, itself and its twin of the pair."""
     T, rows_left, columns_left, taken = carry
-    size = jnp.where(rows_left[:, None] & columns_left[None, :], jnp.abs(T) * weight, 0)
+    size = jnp.where(rows_left[:, None] & columns_left[None, :], lax.abs(T) * weight, 0)
     best = linalg.greatest(size)
     row = first(linalg.greatest(size, axis=1) == best)
     column = first(linalg.greatest(jnp.where(row[:, None], size, -1), axis=0) == best)

@@ -10,6 +10,7 @@ and for equations |r_i| / s and |r_i| / max|q|. Both are unchanged by M -> M 2^a
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxcontact import linalg
 from jaxcontact.complementarity.boxed import residuals_of_box
@@ -35,7 +36,7 @@ def residuals(problem, form, free, z, w):
     the caller's and the balanced rows."""
     w = slack(problem, form, free, z, w)
     miss = dot(form.F, free) + dot(form.P, z) - dot(form.N, w) + form.q
-    terms = size_dot(form.F, free) + size_dot(form.P, z) + jnp.abs(form.q)
+    terms = size_dot(form.F, free) + size_dot(form.P, z) + lax.abs(form.q)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
         return _residuals_of_slack(problem, form, miss[:k], terms, z, w)
@@ -97,7 +98,7 @@ def classify(problem, form, z, w):
     size_z, size_w = largest(z * scale_z), largest(w * scale_w)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
-        terms = size_dot(form.P, z)[k:] + jnp.abs(form.q[k:])
+        terms = size_dot(form.P, z)[k:] + lax.abs(form.q[k:])
         size_w = largest(terms * scale_w)
     else:
         size_z = size_w = jnp.maximum(size_z, size_w)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxcontact import linalg
@@ -52,7 +53,7 @@ def scaled(M, q):
 
 def _largest_exponent(x, shift):
     """int: exponent of the largest |x| 2^shift, found without forming numbers that might overflow; 0 if x is 0."""
-    usable = (x != 0) & jnp.isfinite(x)
+    usable = (x != 0) & lax.is_finite(x)
     least = jnp.iinfo(shift.dtype).min
     largest = greatest(jnp.where(usable, exponent(x) + shift, least), least)
     return jnp.where(largest == least, 0, largest)
@@ -99,16 +100,20 @@ def exponent(x):
     >>> exponent(jnp.array([1.0, 0.75, 8.0]))     # 1, 0, 4
     """
     bits, integer, bias = _layout(x.dtype)
-    field = (lax.bitcast_convert_type(x, integer) >> bits) & (2 * bias + 1)
-    return jnp.where((x != 0) & jnp.isfinite(x), field - bias + 1, 0).astype(integer)
+    word = lax.bitcast_convert_type(x, integer)
+    field = lax.shift_right_arithmetic(word, lax.full_like(word, bits))
+    field = lax.bitwise_and(field, lax.full_like(word, 2 * bias + 1))
+    usable = lax.bitwise_and(lax.ne(x, lax.full_like(x, 0)), lax.is_finite(x))
+    return lax.select(usable, lax.sub(field, lax.full_like(field, bias - 1)), lax.full_like(field, 0))
 
 
 @partial(jax.jit, static_argnames="dtype", inline=True)
 def power_of_two(k, dtype):
     """2^k exactly, k clipped to the normal numbers of the dtype."""
     bits, integer, bias = _layout(dtype)
-    held = jnp.clip(k, EXPONENT_MARGIN - bias, bias - EXPONENT_MARGIN)
-    return lax.bitcast_convert_type((held + bias).astype(integer) << bits, jnp.dtype(dtype))
+    held = lax.clamp(np.array(EXPONENT_MARGIN - bias, k.dtype), k, np.array(bias - EXPONENT_MARGIN, k.dtype))
+    field = lax.convert_element_type(lax.add(held, lax.full_like(held, bias)), integer)
+    return lax.bitcast_convert_type(lax.shift_left(field, lax.full_like(field, bits)), jnp.dtype(dtype))
 
 
 def times_power_of_two(x, k):

@@ -38,7 +38,7 @@ def size_dot(A, x):
     """|A| |x|, the sum of the sizes of the terms of A @ x, without |A| being formed."""
     if A.size and max(A.shape) <= SCALARS:
         return dot(lax.abs(A), lax.abs(x))
-    return jnp.sum(jnp.abs(A) * jnp.abs(x)[None, :], axis=1)
+    return jnp.sum(lax.abs(A) * lax.abs(x)[None, :], axis=1)
 
 
 def largest(x):

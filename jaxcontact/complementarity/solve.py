@@ -237,7 +237,7 @@ def _usable(start, m):
     """The start with bad values replaced by zero, and whether it was good; None stays None."""
     if start is None:
         return None, jnp.zeros((), bool)
-    good = jnp.all(jnp.isfinite(start)) & jnp.all(start >= 0)
+    good = jnp.all(lax.is_finite(start)) & jnp.all(start >= 0)
     return where(good, start, 0), good
 
 

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 
 from .. import linalg
 from ..dynamics import Contact, State, Terms
@@ -57,16 +57,16 @@ def signs(contacts: tuple[Contact, ...], xi, dtype) -> Array:
         if (rough & ~(np.abs(np.asarray(xi)) == 1)).any():
             raise ValueError(f"xi holds the signs of the slips, -1 or 1 at frictional contacts; got {xi}")
         return jnp.asarray(np.where(rough, xi, 0), dtype)
-    return linalg.where(rough, linalg.where(jnp.abs(xi) == 1, xi, jnp.nan), 0.0).astype(dtype)
+    return linalg.where(rough, linalg.where(lax.abs(xi) == 1, xi, jnp.nan), 0.0).astype(dtype)
 
 
 def stands_still(contacts: tuple[Contact, ...], parts: Terms, state: State) -> Array:
     """(m,) bool: a frictional contact has no slip; with friction it sticks, and the sliding law says nothing there."""
     share = float(jnp.finfo(parts.slip.dtype).eps) ** NO_SLIP
-    speed = jnp.sum(jnp.abs(parts.H * state.v[:, None]), axis=0)
+    speed = jnp.sum(lax.abs(parts.H * state.v[:, None]), axis=0)
     rough = jnp.array([contact.frictional for contact in contacts], bool)
     # A direction that is undefined at rest has speed NaN, so the comparison is written for NaN to stand still.
-    return rough & ~(jnp.abs(parts.slip) > share * speed) & jnp.isfinite(parts.slip)
+    return rough & ~(lax.abs(parts.slip) > share * speed) & lax.is_finite(parts.slip)
 
 
 def _refuse(contacts: tuple[Contact, ...], mu: np.ndarray, rough: np.ndarray) -> None:

@@ -59,16 +59,16 @@ def is_definite(M: Array) -> Array:
     M = lax.stop_gradient(M)
     L = linalg.cholesky(M)
     noise = SINGULAR * n * float(jnp.finfo(M.dtype).eps)
-    return jnp.all(linalg.diagonal(L) ** 2 > noise * linalg.diagonal(M)) & jnp.all(jnp.isfinite(L))
+    return jnp.all(linalg.diagonal(L) ** 2 > noise * linalg.diagonal(M)) & jnp.all(lax.is_finite(L))
 
 
 def _stiffness(M: Array, G: Array) -> Array:
     """gamma: as stiff as the largest mass along the longest gradient. Any positive number would do."""
     size = linalg.greatest(jnp.sum(G * G, axis=0), initial=0)
-    return lax.stop_gradient(linalg.greatest(jnp.abs(M), initial=0) / linalg.where(size > 0, size, 1))
+    return lax.stop_gradient(linalg.greatest(lax.abs(M), initial=0) / linalg.where(size > 0, size, 1))
 
 
 def _is_semidefinite(M: Array, stiffer: Array) -> Array:
     """bool: M has no negative direction, up to half the digits: M + sqrt(eps) (diag |M| + Gamma) is definite."""
     share = float(jnp.finfo(M.dtype).eps) ** 0.5
-    return is_definite(M + share * (linalg.where(np.eye(len(M), dtype=bool), jnp.abs(M), 0) + stiffer))
+    return is_definite(M + share * (linalg.where(np.eye(len(M), dtype=bool), lax.abs(M), 0) + stiffer))

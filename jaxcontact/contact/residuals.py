@@ -7,7 +7,7 @@ length |N_k| of its whitened gradient: all are then in sqrt(kg) m/s^2 like alpha
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from .. import linalg
 from ..dynamics import Contact, Terms
@@ -56,11 +56,11 @@ def residuals(contacts: tuple[Contact, ...], parts: Terms, motion: Motion) -> Re
     unit = _unit_of_coordinates(parts.M)
     pushes = parts.G * normal[None, :], parts.H * tangential[None, :]
     miss = jnp.sum(parts.M * a[None, :], axis=1) + parts.F - jnp.sum(pushes[0] + pushes[1], axis=1)
-    sizes = [jnp.sum(jnp.abs(terms), axis=1) for terms in (parts.M * a[None, :], *pushes)]
-    size = _largest((sum(sizes) + jnp.abs(parts.F)) / unit)
+    sizes = [jnp.sum(lax.abs(terms), axis=1) for terms in (parts.M * a[None, :], *pushes)]
+    size = _largest((sum(sizes) + lax.abs(parts.F)) / unit)
     acceleration = linalg.gram(parts.G, a) + parts.c
     long = linalg.where(lengths > 0, lengths, 1)
-    moved = (linalg.gram(jnp.abs(parts.G), jnp.abs(a)) + jnp.abs(parts.c)) / long
+    moved = (linalg.gram(lax.abs(parts.G), lax.abs(a)) + lax.abs(parts.c)) / long
     scale = jnp.maximum(jnp.maximum(_largest(moved), _largest(normal * lengths)), load)
     held = jnp.array([contact.bilateral for contact in contacts], bool)
     pair = jnp.minimum(normal * long, acceleration / long)
@@ -68,18 +68,18 @@ def residuals(contacts: tuple[Contact, ...], parts: Terms, motion: Motion) -> Re
         _ratio(_largest(miss / unit), size),
         _ratio(_largest(linalg.where(held, acceleration / long, 0)), scale),
         _ratio(_largest(linalg.where(held, 0, pair)), scale),
-        _ratio(_largest(tangential + friction * jnp.abs(normal)), _largest(normal)),
+        _ratio(_largest(tangential + friction * lax.abs(normal)), _largest(normal)),
     )
 
 
 def _unit_of_coordinates(M: Array) -> Array:
     """(n,) sqrt(M_ii), 1 where that is zero."""
     diagonal = linalg.diagonal(M)
-    return jnp.sqrt(linalg.where(diagonal > 0, diagonal, 1))
+    return lax.sqrt(linalg.where(diagonal > 0, diagonal, 1))
 
 
 def _largest(x: Array) -> Array:
-    return linalg.greatest(jnp.abs(x), initial=0)
+    return linalg.greatest(lax.abs(x), initial=0)
 
 
 def _ratio(x: Array, size: Array) -> Array:

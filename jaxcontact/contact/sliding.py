@@ -87,7 +87,7 @@ def normal_forces(operators: Delassus, friction: Array, found: Sliding, remainin
     """(m,) normal forces of all contacts in the user's order, from those of the remaining ones (r,)."""
     kinds = sort_contacts(operators.contacts)
     N, T = select_columns(operators.N, kinds.rest), select_columns(operators.T, kinds.rest)
-    pushes = N * remaining[None, :] - T * (select(friction, kinds.rest) * jnp.abs(remaining))[None, :]
+    pushes = N * remaining[None, :] - T * (select(friction, kinds.rest) * lax.abs(remaining))[None, :]
     alpha = jnp.sum(pushes, axis=1) + _load(found.span, operators, kinds)
     linear = -linalg.gram(found.span.pseudo_inverse.T, alpha)
     forces = dict(zip(kinds.linear + kinds.rest, [*linear, *remaining], strict=True))
@@ -112,10 +112,10 @@ def contradiction(operators: Delassus, found: Sliding) -> Array:
     y = w - linalg.gram(N, x)
     y = y - linalg.gram(N, linalg.gram(found.span.pseudo_inverse, y))  # what rounding left along N_e
     noise = dependence(sum(N.shape), N.dtype)
-    combined, size = jnp.abs(linalg.gram(N.T, y)), linalg.gram(jnp.abs(N).T, jnp.abs(y))
+    combined, size = lax.abs(linalg.gram(N.T, y)), linalg.gram(lax.abs(N).T, lax.abs(y))
     most = linalg.greatest(size, initial=0)
     proved = jnp.all(combined <= noise * most)
-    return found.span.deficient & proved & (jnp.sum(y * y) > noise * jnp.sum(jnp.abs(x) * most))
+    return found.span.deficient & proved & (jnp.sum(y * y) > noise * jnp.sum(lax.abs(x) * most))
 
 
 def _load(span: Span, operators: Delassus, kinds: Sorted) -> Array:
@@ -129,20 +129,20 @@ def _is_rounding(span: Span, reduced: Array, N: Array, w: Array, operators: Dela
     load = length_of(_load(span, operators, kinds)[:, None])[0]
     size = length_of(N) * load + select(_size_of_w(operators), kinds.rest)
     rounding = ROUNDING * N.shape[0] * float(jnp.finfo(N.dtype).eps)
-    return jnp.abs(w) <= linalg.where(inside(reduced, N), dependence(N.shape[0], N.dtype), rounding) * size
+    return lax.abs(w) <= linalg.where(inside(reduced, N), dependence(N.shape[0], N.dtype), rounding) * size
 
 
 def _size_of_w(operators: Delassus) -> Array:
     """(m,) |c| + |N| |L^-1 F|, whose difference is w; |w| itself where they are not known."""
     if operators.terms is None or operators.L is None:
-        return jnp.abs(operators.w)
+        return lax.abs(operators.w)
     free = length_of(linalg.solve_lower(operators.L, operators.terms.F)[:, None])[0]
-    return jnp.abs(operators.terms.c) + length_of(operators.N) * free
+    return lax.abs(operators.terms.c) + length_of(operators.N) * free
 
 
 def length_of(columns: Array) -> Array:
     """(k,) lengths of columns (n, k), to compare with; not differentiated."""
-    return jnp.sqrt(jnp.sum(lax.stop_gradient(columns) ** 2, axis=0))
+    return lax.sqrt(jnp.sum(lax.stop_gradient(columns) ** 2, axis=0))
 
 
 def _problem(kinds: Sorted, N: Array, D: Array, w: Array):

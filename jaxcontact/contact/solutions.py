@@ -6,7 +6,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from .. import linalg
 from ..complementarity import all_solutions
@@ -103,7 +103,7 @@ def _solutions(operators: Delassus, friction: Array) -> Solutions:
     normal = linalg.where(valid[:, None], normal, jnp.nan)
     return Solutions(
         normal=normal,
-        tangential=-friction[None, :] * jnp.abs(normal),
+        tangential=-friction[None, :] * lax.abs(normal),
         valid=valid,
         count=jnp.sum(valid).astype(jnp.int32),
         infinite=(infinite | found.span.deficient) & jnp.any(valid),
@@ -115,7 +115,7 @@ def _remaining(operators: Delassus, found: Sliding) -> tuple[Array, Array, Array
     """(rows (k, r), valid (k,), infinite, undecided) of the contacts that the linear ones leave."""
     no = jnp.zeros((), bool)
     if found.problem is None:
-        return jnp.zeros((1, 0), operators.N.dtype), jnp.isfinite(jnp.sum(operators.w))[None], no, no
+        return jnp.zeros((1, 0), operators.N.dtype), lax.is_finite(jnp.sum(operators.w))[None], no, no
     every = all_solutions(found.problem)
     rows = jax.vmap(lambda z, w: with_sign(operators.contacts, z, w))(every.z, every.w)
     rows = linalg.where(every.valid[:, None], rows, 0)  # NaN would reach the derivatives of other rows

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from .. import linalg
 from ..linalg.orthogonal import reciprocal_square, remove, zeros
@@ -88,7 +88,7 @@ def _triangularised(cols: list[Column], noise: float) -> tuple[list[Column], lis
         size = inner(q, q)
         there = size > limit
         weight = reciprocal_square(q, limit)
-        length = linalg.where(there, shield(jnp.sqrt(linalg.where(there, size, 1))), 0)
+        length = linalg.where(there, shield(lax.sqrt(linalg.where(there, size, 1))), 0)
         removed = [remove(q, weight, x) for x in rest]
         rest = [x for _, x in removed]
         rows.append([jnp.zeros_like(size)] * i + [length] + [t * length for t, _ in removed])

@@ -23,7 +23,7 @@ CLOSED_LIMIT = 3
 
 def max_value(cols: list[Column]) -> Scalar:
     """sigma_max, the root of the largest eigenvalue of the Gram matrix: nothing cancels there."""
-    return jnp.sqrt(top_value(_gram(cols)))
+    return lax.sqrt(top_value(_gram(cols)))
 
 
 def max_triple(cols: list[Column]) -> Triple:

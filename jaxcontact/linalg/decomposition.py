@@ -58,7 +58,7 @@ def perturbed_pair(svd: Triple, triple: Triple, k: int, dX: jax.Array) -> Triple
     a, b = _matmul(dX, v), _matmul(dX.T, u)
     Ua, Vb = _matmul(U.T, a), _matmul(V.T, b)
     tiny = REPEATED * float(jnp.finfo(s.dtype).eps) * s[0]
-    separated = (jnp.abs(sigma - s) > tiny) & (jnp.arange(s.size) != k)
+    separated = (lax.abs(sigma - s) > tiny) & (jnp.arange(s.size) != k)
     inverse_gap = _reciprocal_where(separated, (sigma - s) * (sigma + s))
     du = _matmul(U, inverse_gap * (sigma * Ua + s * Vb))
     dv = _matmul(V, inverse_gap * (s * Ua + sigma * Vb))

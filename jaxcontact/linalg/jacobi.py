@@ -43,11 +43,11 @@ def _decompose(X: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     n, m = X.shape
     if 0 in X.shape:
         return X, jnp.zeros(m, X.dtype), jnp.eye(m, dtype=X.dtype)
-    scale, inverse = power_of_two_scale(greatest(jnp.abs(X)))
+    scale, inverse = power_of_two_scale(greatest(lax.abs(X)))
     X = X * inverse
     order = jnp.argsort(-jnp.sum(X * X, axis=0))
     stacked = _rounds(jnp.concatenate([X, jnp.eye(m, dtype=X.dtype)])[:, order], n)
-    s = jnp.sqrt(jnp.sum(stacked[:n] * stacked[:n], axis=0))
+    s = lax.sqrt(jnp.sum(stacked[:n] * stacked[:n], axis=0))
     order = jnp.argsort(-s)
     s, W, V = s[order], stacked[:n, order], stacked[n:, order]
     U = W / jnp.where(s == 0, 1, s)[None, :]
@@ -68,7 +68,7 @@ def _rotation(aa: jax.Array, ab: jax.Array, bb: jax.Array) -> tuple[jax.Array, j
     size = aa + bb
     inverse = shield(1 / jnp.where(size == 0, 1, size))
     x, y = (bb - aa) * inverse, 2 * ab * inverse
-    bottom = lax.abs(x) + jnp.sqrt(x * x + y * y)
+    bottom = lax.abs(x) + lax.sqrt(x * x + y * y)
     t = shield(jnp.where(x < 0, -y, y) / jnp.where(bottom == 0, 1, bottom))
     c = shield(lax.rsqrt(1 + t * t))
     return c, c * t

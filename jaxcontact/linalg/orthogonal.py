@@ -42,7 +42,7 @@ def triangularise(cols: list[Column]) -> tuple[list[Column], list[Column]]:
     for i in range(m):
         q, rest = rest[0], rest[1:]
         weight = reciprocal_square(q)
-        length = shield(jnp.sqrt(inner(q, q)))
+        length = shield(lax.sqrt(inner(q, q)))
         removed = [remove(q, weight, x) for x in rest]
         rest = [x for _, x in removed]
         R.append([zero] * i + [length] + [t * length for t, _ in removed])
@@ -98,7 +98,7 @@ def triangular(cols: list[Column]) -> tuple[list[Column], list[Reflection]]:
     zero = jnp.zeros_like(cols[0][0])
     for i in range(len(cols)):
         q, rest = rest[0], rest[1:]
-        length = shield(jnp.sqrt(inner(q, q)))
+        length = shield(lax.sqrt(inner(q, q)))
         turned = where(q[0] >= 0, -length, length)
         w = [q[0] - turned, *q[1:]]
         half_square = length * (length + lax.abs(q[0]))

@@ -32,7 +32,7 @@ ABOVE = 16
 
 def max_value(cols: list[Column]) -> Scalar:
     """sigma_max."""
-    return jnp.sqrt(top_value(_gram(cols)))
+    return lax.sqrt(top_value(_gram(cols)))
 
 
 def max_triple(cols: list[Column]) -> Triple:
@@ -41,7 +41,7 @@ def max_triple(cols: list[Column]) -> Triple:
     value = top_value(S)
     v = top_vector(S, value)
     image = [total([v_j * x for v_j, x in zip(v, row, strict=True)]) for row in zip(*cols, strict=True)]
-    return normalised(image, [jnp.ones_like(image[0]), *zeros(image[1:])]), jnp.sqrt(value), v
+    return normalised(image, [jnp.ones_like(image[0]), *zeros(image[1:])]), lax.sqrt(value), v
 
 
 def min_value(cols: list[Column]) -> Scalar:
@@ -65,7 +65,7 @@ def _smallest(R: Rows) -> tuple[Scalar, Rows, Scalar]:
     R, missing = _filled(R)
     Z, scale = _scaled_inverse(R)
     value = top_value(_gram(Z))
-    return jnp.where(missing, 0, shield(scale / jnp.sqrt(value))), Z, value
+    return jnp.where(missing, 0, shield(scale / lax.sqrt(value))), Z, value
 
 
 def top_value(S: Rows) -> Scalar:
@@ -134,7 +134,7 @@ def _rotation(a: Scalar, b: Scalar, d: Scalar) -> tuple[Scalar, Scalar]:
     The diagonal becomes a - t b, d + t b (Rutishauser, Numer. Math. 9 (1966) 1-10).
     """
     x, y = d - a, 2 * b
-    bottom = lax.abs(x) + jnp.sqrt(x * x + y * y)
+    bottom = lax.abs(x) + lax.sqrt(x * x + y * y)
     t = shield(jnp.where(x < 0, -y, y) / jnp.where(bottom == 0, 1, bottom))
     return shield(lax.rsqrt(1 + t * t)), t
 

@@ -50,7 +50,7 @@ def _largest_of_two(X: jax.Array) -> jax.Array:
     mean, half = 0.5 * (a + d), 0.5 * (a - d)
     discriminant = det2(half, -b, c, half)
     real = ~(discriminant < 0)
-    root = shield(jnp.sqrt(where(real, discriminant, 0)))
+    root = shield(lax.sqrt(where(real, discriminant, 0)))
     rising = ~(mean < 0)
     below = where(rising, -1, mean - root)
     value = where(rising, mean + root, det2(a, b, c, d) / below)
@@ -60,7 +60,7 @@ def _largest_of_two(X: jax.Array) -> jax.Array:
 def _largest_of_many(X: jax.Array) -> jax.Array:
     values = jnp.linalg.eigvals(X)
     size = REAL * float(jnp.finfo(X.dtype).eps) * jnp.linalg.norm(X)
-    positive = (jnp.abs(values.imag) <= size) & (values.real > 0)
+    positive = (lax.abs(values.imag) <= size) & (values.real > 0)
     largest_value = greatest(where(positive, values.real, 0))
     return where(jnp.any(jnp.isnan(X)), jnp.nan, largest_value)
 

@@ -64,7 +64,7 @@ def _top_vector_jvp(primals, tangents):
     x = _top_vector(S)
     values, X = jnp.linalg.eigh(S)
     gap = values[-1] - values
-    separated = gap > REPEATED * float(jnp.finfo(S.dtype).eps) * greatest(jnp.abs(values))
+    separated = gap > REPEATED * float(jnp.finfo(S.dtype).eps) * greatest(lax.abs(values))
     share = jnp.einsum("ij,ik,k->j", X, dS, x, precision=lax.Precision.HIGHEST)
     share = jnp.where(separated, share / jnp.where(separated, gap, 1), 0)
     return x, jnp.dot(X, share, precision=lax.Precision.HIGHEST)

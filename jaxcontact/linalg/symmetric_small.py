@@ -37,7 +37,7 @@ def top_vector(S: SymmetricRows) -> list[Scalar]:
 def _circle(a: Scalar, b: Scalar, d: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Mohr's circle of [[a, b], [b, d]]: (centre, radius, (a - d) / 2); the eigenvalues are centre +- radius."""
     half = (a - d) * 0.5
-    return (a + d) * 0.5, shield(jnp.sqrt(half * half + b * b)), half
+    return (a + d) * 0.5, shield(lax.sqrt(half * half + b * b)), half
 
 
 def _half_angle(x: Scalar, y: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
@@ -47,7 +47,7 @@ def _half_angle(x: Scalar, y: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
     """
     point = radius == 0
     inverse = shield(1 / where(point, 1, radius))
-    large = shield(jnp.sqrt(where(point, 1, 0.5 + 0.5 * lax.abs(x) * inverse)))
+    large = shield(lax.sqrt(where(point, 1, 0.5 + 0.5 * lax.abs(x) * inverse)))
     small = shield(0.5 * y * inverse / large)
     right = x >= 0
     # On the left the sine is the larger; both change sign together with y, which leaves the axis the same.
@@ -65,7 +65,7 @@ def _top3(S: SymmetricRows) -> tuple[Scalar, list[Scalar]]:
     centre = (S[0][0] + S[1][1] + S[2][2]) * (1 / 3)
     b = [S[i][i] - centre for i in range(3)]
     off = [S[1][2], S[0][2], S[0][1]]
-    p = shield(jnp.sqrt((inner(b, b) + 2 * inner(off, off)) * (1 / 6)))
+    p = shield(lax.sqrt((inner(b, b) + 2 * inner(off, off)) * (1 / 6)))
     isotropic = p == 0
     inverse = shield(1 / where(isotropic, 1, p))
     # From here on B / p, of Frobenius norm sqrt(6), and its negative where the bottom eigenvalue is the separated one.
