@@ -15,6 +15,7 @@ from jaxcontact.linalg.factors import (
 )
 from jaxcontact.linalg.fused import as_one, from_one, fused
 from jaxcontact.linalg.jacobi import singular_values_jacobi
+from jaxcontact.linalg.lanes import fused_in_batches
 from jaxcontact.linalg.packed import packed
 from jaxcontact.linalg.singular import (
     singular_pair_max,
@@ -41,6 +42,7 @@ __all__ = [
     "for_the_few",
     "from_one",
     "fused",
+    "fused_in_batches",
     "gram",
     "greatest",
     "in_chunks",

@@ -175,12 +175,15 @@ def _on_cpu() -> bool:
 def _always(arguments):
     """True, as a computed number: the bits of a number with the last one set are not all zero. Of the first rows of
     all arguments, as many a number is a constant in the end."""
-    found = []
+    rows: dict = {}
     for x in jax.tree.leaves(arguments):
         if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
             row = lax.slice_in_dim(x, 0, 1) if x.ndim else x
-            bits = lax.bitcast_convert_type(row, f"uint{8 * x.dtype.itemsize}")
-            found.append(lax.reduce_or(bits, tuple(range(x.ndim))).astype(np.uint32))
+            rows.setdefault(x.dtype, []).append(lax.reshape(row, (row.size,)))
+    found = []
+    for dtype, parts in rows.items():
+        bits = lax.bitcast_convert_type(lax.concatenate(parts, 0), f"uint{8 * dtype.itemsize}")
+        found.append(lax.reduce_or(bits, (0,)).astype(np.uint32))
     return lax.ne(functools.reduce(lax.bitwise_or, found, np.uint32(1)), np.uint32(0)) if found else True
 
 

@@ -108,7 +108,7 @@ def as_one(entries: list) -> Any:
 
 
 def from_one(number: jax.Array) -> jax.Array:
-    """(1,) or (2,) what `as_one` packed."""
+    """(…, 1) or (…, 2) what `as_one` packed."""
     if not jnp.issubdtype(number.dtype, jnp.complexfloating):
-        return number[None]
-    return jnp.stack([jnp.real(number), jnp.imag(number)])
+        return number[..., None]
+    return jnp.stack([jnp.real(number), jnp.imag(number)], axis=-1)

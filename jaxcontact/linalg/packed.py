@@ -6,7 +6,8 @@ number, and real numbers two by two as a complex one.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,8 +16,10 @@ from jax import lax
 from jax.custom_batching import custom_vmap
 
 from jaxcontact.linalg.batches import walled
-from jaxcontact.linalg.fused import as_one, from_one, fused
-from jaxcontact.linalg.unrolled import in_a_row, total
+from jaxcontact.linalg.fused import as_one, from_one
+from jaxcontact.linalg.lanes import columns_of, read_batch
+from jaxcontact.linalg.scalar_rules import Entries
+from jaxcontact.linalg.unrolled import total
 
 BITS = 31
 """Truth values that one whole number holds."""
@@ -32,50 +35,67 @@ def packed(function: Callable) -> Callable:
     function = jax.jit(function)  # traced once, for its shapes and for itself
 
     def apart(*arguments):
-        shapes, structure = jax.tree.flatten(jax.eval_shape(function, *arguments))
-        kinds = list(dict.fromkeys(x.dtype for x in shapes))
+        program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
 
-        def program(*arguments):
-            results = jax.tree.leaves(function(*arguments))
-            return [_numbers([x for x in results if x.dtype == kind]) for kind in kinds]
+        @custom_vmap
+        def one(*arguments):
+            return function(*arguments)
 
-        numbers = walled(fused(program))(*arguments)
-        rows, used = dict(zip(kinds, map(_row, numbers, kinds), strict=True)), dict.fromkeys(kinds, 0)
-        results = []
-        for x in shapes:
-            first, used[x.dtype] = used[x.dtype], used[x.dtype] + math.prod(x.shape)
-            results.append(rows[x.dtype][first : used[x.dtype]].reshape(x.shape))
-        return jax.tree.unflatten(structure, results)
+        @one.def_vmap
+        def _(size, batched, *arguments):
+            flags = jax.tree.leaves(batched)
+            axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
 
-    @custom_vmap
-    def one(*arguments):
-        return function(*arguments)
+            def in_few_numbers(*arguments):
+                results = read_batch(program, size, jax.tree.leaves(arguments), flags, final=True)
+                if results is None:
+                    results = jax.tree.leaves(jax.vmap(function, axes, axis_size=size)(*arguments))
+                return _packed(results, size)
 
-    @one.def_vmap
-    def _(size, batched, *arguments):
-        axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
-        results = jax.vmap(apart, axes, axis_size=size)(*arguments)
-        return results, jax.tree.map(lambda _: True, results)
+            return _unpacked(walled(in_few_numbers)(*arguments), shapes, size), jax.tree.map(lambda _: True, shapes)
 
-    return one
+        return one(*arguments)
+
+    return apart
 
 
-def _numbers(results: list[jax.Array]) -> list[jax.Array]:
-    """All entries of results of one dtype, one after the other, several as one number."""
-    join, each = (_bits, BITS) if results[0].dtype == np.bool_ else (as_one, 2)
-    entries = [entry for x in results for entry in in_a_row(x)]
+def _packed(results: Sequence[Entries | jax.Array], size: int) -> dict[str, list[jax.Array]]:
+    """By dtype, all entries of the results of a batch, several as one number for each lane."""
+    found: dict = {}
+    for x in results:
+        entries = x.flat if isinstance(x, Entries) else columns_of(x).flat
+        found.setdefault(x.dtype, []).extend(e if np.ndim(e) else lax.broadcast(e, (size,)) for e in entries)
+    return {kind.name: _numbers(entries) for kind, entries in found.items()}
+
+
+def _unpacked(numbers: dict[str, list[jax.Array]], shapes: Any, size: int) -> Any:
+    """The results again, of these shapes, with the lanes in front."""
+    rows, used = {kind: _rows(x, kind, size) for kind, x in numbers.items()}, dict.fromkeys(numbers, 0)
+    leaves, structure = jax.tree.flatten(shapes)
+    results = []
+    for x in leaves:
+        kind = x.dtype.name
+        first, used[kind] = used[kind], used[kind] + math.prod(x.shape)
+        results.append(rows[kind][:, first : used[kind]].reshape(size, *x.shape))
+    return jax.tree.unflatten(structure, results)
+
+
+def _numbers(entries: list[jax.Array]) -> list[jax.Array]:
+    """Entries of one dtype, several as one number."""
+    join, each = (_bits, BITS) if entries and entries[0].dtype == np.bool_ else (as_one, 2)
     return [join(entries[first : first + each]) for first in range(0, len(entries), each)]
 
 
 def _bits(truths: list[jax.Array]) -> jax.Array:
     """Truth values as the bits of an int32."""
-    return total([lax.select(x, np.int32(1 << k), np.int32(0)) for k, x in enumerate(truths)])
+    none = lax.full(truths[0].shape, np.int32(0))
+    return total([lax.select(x, lax.full_like(none, 1 << k), none) for k, x in enumerate(truths)])
 
 
-def _row(numbers: list[jax.Array], kind: np.dtype) -> jax.Array:
-    """The entries again; after the last truth value there may be some more."""
+def _rows(numbers: list[jax.Array], kind: str, size: int) -> jax.Array:
+    """(size, k) the entries again; after the last truth value there may be some more."""
 
-    def taken_apart(number):
-        return (number[None] >> np.arange(BITS, dtype=np.int32)) & 1 == 1 if kind == np.bool_ else from_one(number)
-
-    return jnp.concatenate([jnp.zeros(0, kind), *map(taken_apart, numbers)])
+    places = np.arange(BITS, dtype=np.int32)[None]
+    of_bits = kind == np.dtype(bool).name
+    parts = [(x[:, None] >> places) & 1 == 1 if of_bits else from_one(x) for x in numbers]
+    return jnp.concatenate([jnp.zeros((size, 0), kind), *parts], axis=1)

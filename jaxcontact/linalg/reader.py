@@ -31,6 +31,9 @@ from jaxcontact.linalg.screens import screen
 from jaxcontact.linalg.shielded import SHIELDED
 from jaxcontact.linalg.unrolled import milestone
 
+IN_BATCHES = "fused_in_batches"
+"""The name of the primitive of `lanes`."""
+
 ENTRIES_LIMIT = 128
 """Arrays with more entries than this stay whole."""
 
@@ -49,12 +52,14 @@ LOOP_LIMIT = 5000
 class Reader:
     """Reads a program step by step; `known` remembers what has been computed, by operation and operands.
 
-    The values of the first milestones may be `given`.
+    The values of the first milestones may be `given`. With `lanes` a scalar of a program that is taken apart throughout
+    may be one number for each of as many lanes.
     """
 
-    def __init__(self, final: bool, given: Sequence = ()):
+    def __init__(self, final: bool, given: Sequence = (), *, lanes: int | None = None):
         self.final = final
         self.given = given
+        self.lanes = lanes
         self.milestones: list = []
         self.known: dict = {}
         self.wild: set[int] = set()
@@ -67,6 +72,19 @@ class Reader:
     def is_cut(self, program) -> bool:
         """Whether the program has milestones and is too long for one loop."""
         return self._marked(program) and self._length(program) > LOOP_LIMIT
+
+    def takes_apart(self, program) -> bool:
+        """Whether no step of the program stays as it is."""
+        return self._length(program) <= LENGTH_LIMIT and all(map(self._is_taken_apart, program.eqns))
+
+    def _is_taken_apart(self, step) -> bool:
+        if is_milestone(step):
+            return True
+        inner = self._opened(step)
+        if inner is not None:
+            return all(map(self._is_taken_apart, inner.jaxpr.eqns))
+        small = all(v.aval.size <= ENTRIES_LIMIT for v in (*step.invars, *step.outvars))
+        return small and step.primitive.name in KNOWN and step.primitive.name != "custom_jvp_call"
 
     def _marked(self, program) -> bool:
         if any(map(is_milestone, program.eqns)):
@@ -131,6 +149,8 @@ class Reader:
         """The program inside a call that may be read through, else None."""
         if step.primitive.name in ("jit", "pjit"):
             return step.params["jaxpr"]
+        if step.primitive.name == IN_BATCHES:
+            return step.params["program"]
         if self.final and step.primitive.name == "custom_jvp_call":
             return step.params["call_jaxpr"]
         return None
@@ -220,11 +240,19 @@ class Reader:
         return self.known[key][0]
 
     def _bind(self, primitive, params: dict | None, operands) -> Any:
+        if self.lanes is not None and any(map(np.ndim, operands)):
+            operands = [x if np.ndim(x) else self._for_all_lanes(x) for x in operands]
         if params is None:
             return {lax.mul_p: lax.mul, lax.add_p: lax.add}[primitive](*operands)
         if primitive.name in SHIELDED and jnp.issubdtype(jnp.result_type(operands[0]), jnp.floating):
             return SHIELDED[primitive.name].bind(*operands)
         return primitive.bind(*operands, **params)
+
+    def _for_all_lanes(self, x) -> Any:
+        key = (lax.broadcast.__name__, identity(x))
+        if key not in self.known:
+            self.known[key] = (lax.broadcast(x, (self.lanes,)), (x,))
+        return self.known[key][0]
 
 
 def _used(program) -> list:
