@@ -134,13 +134,12 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     seen, still, gamma, sound = _inspected(*lax.stop_gradient((mechanism, state, mu)))
     clear = sound & ~jnp.any(still & (mu > 0))
     mechanism, state, mu = _differentiable_where(clear, (mechanism, state, mu))
-    parts = harmless(without_idle_directions(_terms(mechanism, state), still), clear)
-    friction = linalg.where(clear, mu * jnp.sign(parts.slip), 0)
-    operators = whitened(stiffened(parts, contacts, linalg.where(clear, gamma, 0)), contacts)
-    found = sliding(operators, friction)
+    prepared = linalg.fused_in_batches(_prepared)
+    parts, friction, operators, found = prepared(mechanism, state, mu, still, clear, gamma)
     solution = None if found.problem is None else solve(found.problem, method)
-    free = linalg.solve_lower(operators.L, operators.terms.F)
-    normal, a = _accelerated(operators, free, friction, found, solution)
+    remaining = friction[:0] if solution is None else _of_the_rest(contacts, solution)
+    left = found._replace(problem=None)
+    normal, a, free = linalg.fused_in_batches(_accelerated)(operators, friction, left, remaining)
     looked = _looked_at(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
     reason = linalg.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = linalg.where(clear, _status(looked, solution), reason)
@@ -149,6 +148,15 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
         signs = linalg.where(clear, jnp.sign(parts.slip), 0)
         forces = replace(forces, certificate=certificate(operators, linalg.where(clear, mu, 0), signs, forces.normal))
     return forces, seen
+
+
+def _prepared(mechanism: Any, state: State, mu: Array, still: Array, clear: Array, gamma: Array):
+    """(terms, mu xi, operators, sliding problem) where all is clear; else those of free unit masses."""
+    contacts = mechanism.contacts
+    parts = harmless(without_idle_directions(_terms(mechanism, state), still), clear)
+    friction = linalg.where(clear, mu * jnp.sign(parts.slip), 0)
+    operators = whitened(stiffened(parts, contacts, linalg.where(clear, gamma, 0)), contacts)
+    return parts, friction, operators, sliding(operators, friction)
 
 
 def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Array, Array]:
@@ -174,15 +182,18 @@ def _differentiable_where(clear: Array, tree: Any) -> Any:
     return jax.tree.map(lambda x: linalg.where(clear, x, lax.stop_gradient(x)), tree)
 
 
-def _accelerated(operators: Delassus, free: Array, friction: Array, found: Sliding, solution: Solution | None):
-    """Normal forces (m,) and accelerations (n,): L^T a = N lambda - D |lambda| - L^-1 F; free = L^-1 F."""
-    remaining = friction[:0]
-    if solution is not None:
-        remaining = with_sign(operators.contacts, solution.z, solution.w)
-        remaining = linalg.where(solution.answered, remaining, 0)  # NaN would reach the derivatives of other lanes
+def _of_the_rest(contacts: tuple[Contact, ...], solution: Solution) -> Array:
+    """(r,) forces of the contacts with a law of their own, zero where the problem is not solved: NaN would reach the
+    derivatives of other lanes."""
+    return linalg.where(solution.answered, with_sign(contacts, solution.z, solution.w), 0)
+
+
+def _accelerated(operators: Delassus, friction: Array, found: Sliding, remaining: Array):
+    """Normal forces (m,), accelerations (n,) and free = L^-1 F (n,): L^T a = N lambda - D |lambda| - free."""
+    free = linalg.solve_lower(operators.L, operators.terms.F)
     normal = normal_forces(operators, friction, found, remaining)
     pushes = operators.N * normal[None, :] - operators.T * (friction * lax.abs(normal))[None, :]
-    return normal, linalg.solve_lower_transposed(operators.L, jnp.sum(pushes, axis=1) - free)
+    return normal, linalg.solve_lower_transposed(operators.L, jnp.sum(pushes, axis=1) - free), free
 
 
 class Looked(NamedTuple):

@@ -95,7 +95,7 @@ classify.long_name = "number of solutions"
 
 @partial(jax.jit, inline=True)
 def _solutions(operators: Delassus, friction: Array) -> Solutions:
-    found = sliding(operators, friction)
+    found = linalg.fused_in_batches(sliding)(operators, friction)
     rows, valid, infinite, undecided = _remaining(operators, found)
     possible = ~contradiction(operators, found)
     valid = valid & possible

@@ -126,7 +126,7 @@ def delassus(mechanism: Any, state: State) -> Delassus:
 @partial(jax.jit, inline=True)
 def assemble(mechanism: Any, state: State) -> Delassus:
     """`delassus` without the checks of its door; one compiled program also when it is differentiated eagerly."""
-    return linalg.fused(lambda g, s: whitened(terms(g, s), g.contacts))(mechanism, state)
+    return linalg.fused_in_batches(lambda g, s: whitened(terms(g, s), g.contacts))(mechanism, state)
 
 
 def delassus_from_matrices(W: Array, Wt: Array, w: Array | None = None, *, contacts: tuple[Contact, ...]) -> Delassus:
