@@ -91,7 +91,7 @@ def _enumerated(problem):
     form = normal_form(fixed)
     m = form.P.shape[1]
     modes = jnp.array(list(product((False, True), repeat=m)), bool).reshape(2**m, m)
-    free, z, w, holds, family, doubt, radius = lax.map(lambda mode: _solved_mode(fixed, form, mode), modes)
+    free, z, w, holds, family, doubt, radius = _solved_modes(fixed, form, modes)
     valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
     point = [linalg.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
     free, z, w = jax.vmap(lambda *part: attach(problem, *part))(*point)
@@ -104,6 +104,12 @@ def _enumerated(problem):
         infinite=jnp.any(family & holds),
         undecided=jnp.any(doubt) | ~linalg.all_finite(*form),
     )
+
+
+def _solved_modes(problem, form, modes):
+    """`_solved_mode` of each mode, one after the other: traced once, and a batch of problems stays in the cache."""
+    solved = linalg.packed(_solved_mode)
+    return lax.map(lambda mode: solved(problem, form, mode), modes)
 
 
 def _solved_mode(problem, form, mode):
