@@ -1,10 +1,10 @@
 """First calls, timed in fresh processes: what tracing and compiling cost before the first answer.
 
-Every quantity is timed twice, each time with JAX's own caches cleared: called as it is on what it takes (operators, a
-state, a problem), and under `jax.jit` from the numbers of the mechanism on, tracing apart from compiling. The
-persistent compilation cache has a folder for each, so that nothing is found that another left there. Seconds of the
-processor stand beside those of the clock: they are what the clock says on an idle machine, or more, since XLA compiles
-with several threads.
+Every quantity is timed three times, each time with JAX's own caches cleared: called as it is on what it takes
+(operators, a state, a problem); under `jax.jit` from the numbers of the mechanism on, tracing apart from compiling; and
+so for a batch of LANES problems, or states, or mechanisms where a state has no coordinate. The persistent compilation
+cache has a folder for each, so that nothing is found that another left there. Seconds of the processor stand beside
+those of the clock: they are what the clock says on an idle machine, or more, since XLA compiles with several threads.
 """
 
 import gc
@@ -33,11 +33,13 @@ METHODS = (Direct(), PrincipalPivoting(), Lemke(), ProjectedGaussSeidel(), Banac
 SIZES = (2, 4, 8)
 DIRECT_LIMIT = 4
 
+LANES = 1000
+
 PROBLEMS = "solve"
 """The group of the solvers; the others are mechanisms."""
 
-AS_CALLED, JIT = "as called", "jit"
-KINDS = (f"{AS_CALLED} s", f"{JIT} s", f"{AS_CALLED} cpu s", f"{JIT} cpu s")
+AS_CALLED, JIT, BATCH = "as called", "jit", "batch"
+KINDS = [f"{kind} {clock}" for clock in ("s", "cpu s") for kind in (AS_CALLED, JIT, BATCH)]
 
 
 def measured(quick):
@@ -104,17 +106,38 @@ def first_call(numbers, prepare, quantity, folder):
     forget(folder / AS_CALLED)
     began = clocks()
     jax.block_until_ready(quantity(thing))
-    called = clocks() - began
-    forget(folder / JIT)
-    began = clocks()
-    lowered = jax.jit(lambda *numbers: quantity(prepare(*numbers))).lower(*numbers)
-    traced = clocks()
-    lowered.compile()
-    tracing, compiling = traced - began, clocks() - traced
-    stages = {AS_CALLED: called, JIT: tracing + compiling, "jit tracing": tracing, "jit compiling": compiling}
+    stages = {AS_CALLED: clocks() - began}
+    stages |= compiled(JIT, lambda *numbers: quantity(prepare(*numbers)), numbers, folder)
+    axes = axes_of(numbers)
+    many = [x if axis is None else jax.tree.map(stacked, x) for x, axis in zip(numbers, axes, strict=True)]
+    stages |= compiled(BATCH, jax.vmap(lambda *numbers: quantity(prepare(*numbers)), axes), many, folder)
     return {f"{stage} s": wall for stage, (wall, _) in stages.items()} | {
         f"{stage} cpu s": cpu for stage, (_, cpu) in stages.items()
     }
+
+
+def compiled(kind, function, numbers, folder):
+    """{kind: seconds, and of tracing and compiling}."""
+    forget(folder / kind)
+    began = clocks()
+    lowered = jax.jit(function).lower(*numbers)
+    traced = clocks()
+    lowered.compile()
+    ended = clocks()
+    return {kind: ended - began, f"{kind} tracing": traced - began, f"{kind} compiling": ended - traced}
+
+
+def stacked(x):
+    """The same number in every lane."""
+    return jnp.broadcast_to(x, (LANES, *x.shape))
+
+
+def axes_of(numbers):
+    """The batch: all of a problem, the coordinates of a state, or the mechanism where it needs none."""
+    _, at = numbers
+    if not isinstance(at, dict):
+        return 0, 0
+    return (None, 0) if at else (0, None)
 
 
 def clocks():

@@ -50,7 +50,7 @@ def test_first_calls_fill_a_cache_for_each_quantity_and_the_next_process_adds_no
 
     cold, kept = rows("none"), entries()
     assert {str(path.parent) for path in kept} == {
-        f"PainleveKlein/{name}/{kind}" for name in ("norm_ratio", "critical") for kind in ("as called", "jit")
+        f"PainleveKlein/{name}/{kind}" for name in ("norm_ratio", "critical") for kind in ("as called", "jit", "batch")
     }
     warm = rows("warm")
     assert entries() == kept
