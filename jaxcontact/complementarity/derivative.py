@@ -81,19 +81,11 @@ def _(problem: BoxedLCP, unknown):
 
 
 def attach(problem, free, z, w, weight=None, finite=None):
-    """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite.
+    """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite. What only the
+    derivative needs is computed where one is taken.
 
     weight: (m,) d, and finite: bool, whether all numbers are finite, where they are known already."""
-    form = normal_form(problem)
-    if finite is None:
-        finite = all_finite(*form, free, z, w)
-    harmless = _harmless(form)
-    form = jax.tree.map(lambda part, safe: where(finite, part, safe), form, harmless)
-    inner = [where(finite, part, 0) for part in (free, z, w)]
-    if weight is None:
-        weight = weights(*classify(lax.stop_gradient(problem), lax.stop_gradient(form), inner[1], inner[2]), z.dtype)
-    outer = _attached(form, weight, *inner)
-    return tuple(where(finite, part, given) for part, given in zip(outer, (free, z, w), strict=True))
+    return _attached(problem, weight, finite, free, z, w)
 
 
 def weights(active, degenerate, dtype):
@@ -109,15 +101,22 @@ def _harmless(form):
 
 
 @jax.custom_jvp
-def _attached(form, weight, free, z, w):
+def _attached(problem, weight, finite, free, z, w):
     return free, z, w
 
 
 @_attached.defjvp
 def _(primals, tangents):
-    form, weight, *point = primals
-    dform = tangents[0]
-    free, z, w = _attached(form, weight, *point)
+    problem, weight, finite, *_ = primals
+    point = _attached(*primals)
+    form, dform = jax.jvp(normal_form, (problem,), tangents[:1])
+    if finite is None:
+        finite = all_finite(*form, *point)
+    form = jax.tree.map(lambda part, safe: where(finite, part, safe), form, _harmless(form))
+    dform = jax.tree.map(lambda part: where(finite, part, 0), dform)
+    free, z, w = (where(finite, part, 0) for part in point)
+    if weight is None:
+        weight = weights(*classify(*lax.stop_gradient((problem, form, z, w))), z.dtype)
     K = mode_matrix(form, weight)
     load = dot(dform.F, free) + dot(dform.P, z) - dot(dform.N, w) + dform.q
     G = inverse(K)
@@ -125,4 +124,4 @@ def _(primals, tangents):
     step = step - dot(G, dot(K, step) + load)
     k = form.F.shape[1]
     dx = step[k:]
-    return (free, z, w), (step[:k], weight * dx, (weight - 1) * dx)
+    return point, tuple(where(finite, part, 0) for part in (step[:k], weight * dx, (weight - 1) * dx))
