@@ -58,6 +58,28 @@ def test_fresh_problems_have_as_many_solutions_as_exact_arithmetic_finds(dtype):
     assert undecided <= len(data) / 10  # modes of rank m - 2, in the semidefinite families and among small integers
 
 
+@pytest.mark.parametrize(
+    ("M", "q"),
+    [
+        ([[2, 3, -1], [3, 5, -1], [-1, -1, 1]], [0, 0, 0]),
+        ([[5, 0, 2], [0, 5, 6], [2, 6, 8]], [-5, 0, -2]),
+        ([[2, 1, -1], [1, 5, 1], [-1, 1, 1]], [-2, -1, 1]),
+        ([[5, -3, -1], [-3, 2, 1], [-1, 1, 1]], [-5, 3, 1]),
+        ([[1, 2, 2], [2, 4, 3], [3, 3, 5]], [-1, -2, -3]),
+        ([[5, 2, 3], [2, 8, 6], [3, 6, 5]], [-1, -4, -3]),
+    ],
+)
+def test_rounding_in_the_kernel_of_a_mode_is_no_family(M, q):
+    """Matrices of rank two: what the inverse of a regular block leaves of its own columns is rounding, in any
+    direction."""
+    truth = oracle.lcp(np.array(M, float), np.array(q, float))
+    every = all_solutions(LCP(jnp.array(M, float), jnp.array(q, float)))
+    assert truth.verdict in ("unique", "finite")
+    assert every.count == len(truth.points)
+    assert not every.infinite
+    assert not every.undecided
+
+
 def sliding_mixed(rng, bilateral, unilateral, strength):
     """The mixed sliding problem (60) in the form (61): P_j, N_j are W -+ Wt mu xi for guides; N_j = e_j for tips."""
     m = bilateral + unilateral

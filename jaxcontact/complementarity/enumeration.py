@@ -135,8 +135,9 @@ def _solved_mode(problem, form, mode):
     holds = inside & acceptable(*residuals(problem, form, free, z, w))
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
     _, stretches = _stretch((sign * x)[:, None], sign[:, None] * kernel)
-    family = jnp.any((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0))
-    one_signed = jnp.any(jnp.all(K * sign[None, :] > 0, axis=1) | jnp.all(K * sign[None, :] < 0, axis=1))
+    family = lax.reduce_or((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0), (0,))
+    signed = K * sign[None, :]
+    one_signed = lax.reduce_or(lax.reduce_and(signed > 0, (1,)) | lax.reduce_and(signed < 0, (1,)), (0,))
     lone = holds & one_signed & (linalg.greatest(size, initial=0) == 0)
     doubt = (found.deficiency > 1) & consistent & ~(holds & family) & ~lone
     radius = MERGE_BOUND * eps * found.condition
@@ -148,9 +149,11 @@ def _miss(K, x, q):
 
 
 def _kernel(K, found):
-    """(n, n) I - G K: its columns span the kernel of K, entries at rounding level removed; zero for a regular K."""
+    """(n, n) I - G K: its columns span the kernel of K, entries at rounding level removed; zero for a regular K. The
+    diagonal is one where G leaves an unknown out; elsewhere it is zero, and its whole column rounding."""
     n = K.shape[0]
     kernel = jnp.eye(n, dtype=K.dtype) - dot(found.matrix, K)
+    kernel = linalg.where(linalg.diagonal(kernel)[None, :] > 0.5, kernel, 0)
     floor = NEGLIGIBLE * n * jnp.finfo(K.dtype).eps * linalg.greatest(lax.abs(kernel), axis=0, initial=0)
     kernel = linalg.where(lax.abs(kernel) > floor[None, :], kernel, 0)
     return linalg.where(found.deficiency > 0, kernel, 0)

@@ -69,7 +69,7 @@ def stiffness(M):
         return linalg.where(diagonal > 0, diagonal, linalg.where(side > 0, side, 1))
 
     diagonal = linalg.diagonal(M)
-    return seldom(~jnp.all(diagonal > 0), of_rows, diagonal, M)
+    return seldom(~lax.reduce_and(diagonal > 0, (0,)), of_rows, diagonal, M)
 
 
 def _backward(miss, free_terms, terms, z, w):

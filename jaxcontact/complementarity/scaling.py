@@ -55,8 +55,8 @@ def _largest_exponent(x, shift):
     """int: exponent of the largest |x| 2^shift, found without forming numbers that might overflow; 0 if x is 0."""
     usable = (x != 0) & lax.is_finite(x)
     least = jnp.iinfo(shift.dtype).min
-    largest = greatest(jnp.where(usable, exponent(x) + shift, least), least)
-    return jnp.where(largest == least, 0, largest)
+    largest = greatest(linalg.where(usable, exponent(x) + shift, least), least)
+    return linalg.where(largest == least, 0, largest)
 
 
 @jax.jit  # traced once for all who ask
@@ -69,7 +69,7 @@ def row_exponents(M):
         return exponent(diagonal)
     sizes = exponent(diagonal)
     found = -((sizes - (sizes[0] & 1)) >> 1)
-    return seldom(~jnp.all(diagonal > 0), _row_exponents_without_diagonal, found, M)
+    return seldom(~lax.reduce_and(diagonal > 0, (0,)), _row_exponents_without_diagonal, found, M)
 
 
 def _row_exponents_without_diagonal(M):
@@ -77,19 +77,19 @@ def _row_exponents_without_diagonal(M):
     diagonal = linalg.diagonal(M)
     own = diagonal > 0
     across, down = largest_of_rows(M), largest_of_rows(M.T)
-    sizes = jnp.where(own, exponent(diagonal), _one_or_both(across, down) >> 1)
-    leader = jnp.where(jnp.any(own), first(own), jnp.arange(len(M)) == 0)
-    odd = jnp.sum(jnp.where(leader, sizes & 1, 0), dtype=sizes.dtype)
+    sizes = linalg.where(own, exponent(diagonal), _one_or_both(across, down) >> 1)
+    leader = linalg.where(lax.reduce_or(own, (0,)), first(own), np.arange(len(M)) == 0)
+    odd = lax.reduce_sum(linalg.where(leader, sizes & 1, 0), (0,))
     found = -((sizes - odd) >> 1)
-    unit = jnp.where(own, power_of_two(found, M.dtype), 0)
+    unit = linalg.where(own, power_of_two(found, M.dtype), 0)
     across, down = largest_of_rows(M * unit[None, :]), largest_of_rows((M * unit[:, None]).T)
     coupled = -((_one_or_both(across, down) - 2 * odd) >> 1)
-    return jnp.where(~own & ((across > 0) | (down > 0)), coupled, found)
+    return linalg.where(~own & ((across > 0) | (down > 0)), coupled, found)
 
 
 def _one_or_both(across, down):
     """The sum of two exponents, or twice one of them where the other belongs to zero."""
-    across, down = jnp.where(across > 0, across, down), jnp.where(down > 0, down, across)
+    across, down = linalg.where(across > 0, across, down), linalg.where(down > 0, down, across)
     return exponent(across) + exponent(down)
 
 

@@ -80,8 +80,12 @@ def counted(times, advance, carry):
 
 def first(mask):
     """(n,) bool: the first true entry of a mask, alone."""
-    if len(mask) <= SCALARS:
-        return mask & (jnp.cumsum(mask.astype(jnp.int32)) == 1)
+    if 0 < len(mask) <= SCALARS:
+        alone, taken = [], None
+        for here in in_a_row(mask):
+            alone.append(here if taken is None else lax.bitwise_and(here, lax.bitwise_not(taken)))
+            taken = here if taken is None else lax.bitwise_or(taken, here)
+        return row_of(alone)
     return mask & (rows_of(mask) == first_index(mask))
 
 
