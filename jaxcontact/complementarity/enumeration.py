@@ -91,8 +91,9 @@ def _enumerated(problem):
     form = normal_form(fixed)
     m = form.P.shape[1]
     modes = jnp.array(list(product((False, True), repeat=m)), bool).reshape(2**m, m)
-    free, z, w, holds, family, doubt, radius = _solved_modes(fixed, form, modes)
-    valid = holds & ~_repeats(fixed, form, (free, z, w), holds, radius)
+    scales = pair_scales(fixed, form)
+    free, z, w, holds, family, doubt, radius = _solved_modes(fixed, form, scales, modes)
+    valid = holds & ~_repeats(z * scales[0][None, :], w * scales[1][None, :], holds, radius)
     point = [linalg.where(valid[:, None], part, jnp.nan) for part in (free, z, w)]
     free, z, w = jax.vmap(lambda *part: attach(problem, *part))(*point)
     return AllSolutions(
@@ -106,13 +107,13 @@ def _enumerated(problem):
     )
 
 
-def _solved_modes(problem, form, modes):
+def _solved_modes(problem, form, scales, modes):
     """`_solved_mode` of each mode, one after the other: traced once, and a batch of problems stays in the cache."""
     solved = linalg.packed(_solved_mode)
-    return lax.map(lambda mode: solved(problem, form, mode), modes)
+    return lax.map(lambda mode: solved(problem, form, scales, mode), modes)
 
 
-def _solved_mode(problem, form, mode):
+def _solved_mode(problem, form, scales, mode):
     """(free, z, w, holds, family, doubt, radius) of one mode: a point, whether it solves, whether the mode holds more
     than one, whether that is unsure, and how far rounding may have moved the point (relative to its size)."""
     k, m = form.F.shape[1], form.P.shape[1]
@@ -132,7 +133,7 @@ def _solved_mode(problem, form, mode):
     eps = jnp.finfo(x.dtype).eps
     terms = linalg.greatest(dot(lax.abs(K), lax.abs(x)) + lax.abs(form.q), initial=0)
     inside = _miss(K, jnp.concatenate([free, z - w]), form.q) <= MERGE_BOUND * (k + m) * eps * terms
-    holds = inside & acceptable(*residuals(problem, form, free, z, w))
+    holds = inside & acceptable(*residuals(problem, form, free, z, w, scales))
     consistent = ~(_miss(K, x, form.q) > MERGE_BOUND * (k + m) * eps * terms)
     _, stretches = _stretch((sign * x)[:, None], sign[:, None] * kernel)
     family = lax.reduce_or((stretches > MERGE_BOUND * (k + m) * eps) & (heights > 0), (0,))
@@ -174,11 +175,9 @@ def _stretch(y, line):
     return t, linalg.where(high - low > 0, (high - low) / linalg.where(size > 0, size, 1), -1)
 
 
-def _repeats(problem, form, point, holds, radius):
-    """(2^m,) bool: an earlier solving row holds the same point, up to rounding."""
-    scale_z, scale_w = pair_scales(problem, form)
-    _, z, w = point
-    rows = jnp.concatenate([z * scale_z[None, :], w * scale_w[None, :]], axis=1)
+def _repeats(z, w, holds, radius):
+    """(2^m,) bool: an earlier solving row holds the same point, up to rounding; z and w are scaled to be comparable."""
+    rows = jnp.concatenate([z, w], axis=1)
     order = jnp.arange(rows.shape[0])
     size = linalg.greatest(lax.abs(linalg.where(holds[:, None], rows, 0)), axis=1, initial=0)
     cap = jnp.finfo(rows.dtype).eps ** FURTHEST

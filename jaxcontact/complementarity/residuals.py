@@ -31,17 +31,18 @@ def slack(problem, form, free, z, w):
 
 
 @jax.jit  # traced once for all who ask
-def residuals(problem, form, free, z, w):
+def residuals(problem, form, free, z, w, scales=None):
     """eta, rho (scalars) of a point of the normal form, w being recomputed where z defines it; eta is the larger one of
-    the caller's and the balanced rows."""
+    the caller's and the balanced rows. scales: `pair_scales`, where they are known already."""
+    scales = pair_scales(problem, form) if scales is None else scales
     w = slack(problem, form, free, z, w)
     miss = dot(form.F, free) + dot(form.P, z) - dot(form.N, w) + form.q
     terms = size_dot(form.F, free) + size_dot(form.P, z) + lax.abs(form.q)
     if isinstance(problem, LCP | MLCP):
         k = form.F.shape[1]
-        return _residuals_of_slack(problem, form, miss[:k], terms, z, w)
+        return _residuals_of_slack(form, miss[:k], terms, z, w, scales)
     terms = terms + size_dot(form.N, w)
-    scale_z, scale_w = pair_scales(problem, form)
+    scale_z, scale_w = scales
     size = jnp.maximum(largest(z * scale_z), largest(w * scale_w))
     pair = _ratio(largest(jnp.minimum(z * scale_z, w * scale_w)), size)
     eta, rho = jnp.maximum(_ratio(largest(miss), largest(terms)), pair), _ratio(largest(miss), largest(form.q))
@@ -50,13 +51,13 @@ def residuals(problem, form, free, z, w):
     return eta, rho
 
 
-def _residuals_of_slack(problem, form, miss, terms, z, w):
+def _residuals_of_slack(form, miss, terms, z, w, scales):
     """eta, rho where w is recomputed: equations first, then complementary pairs."""
     k = form.F.shape[1]
     t = stiffness(form.P[k:])
     rho = _ratio(jnp.maximum(largest(miss), largest(jnp.minimum(t * z, w))), largest(form.q))
     plain = _backward(miss, terms[:k], terms[k:], z, w)
-    scale_z, scale_w = pair_scales(problem, form)
+    scale_z, scale_w = scales
     balanced = _backward(miss, terms[:k], scale_w * terms[k:], scale_z * z, scale_w * w)
     return jnp.maximum(plain, balanced), rho
 
