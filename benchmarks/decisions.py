@@ -10,6 +10,8 @@ import json
 from pathlib import Path
 
 from benchmarks import bounds, solvers, tradeoff
+from benchmarks._growth_first_calls import AS_CALLED, BATCH, JIT
+from benchmarks._markdown import ordered, rate, table
 
 BEGIN, END = "<!-- decisions -->", "<!-- end of decisions -->"
 
@@ -207,10 +209,20 @@ def of_limits(rows: list[dict]) -> str:
     return table(["contacts", "program", *heads, "failed"], lines)
 
 
-def ordered(rows: list[dict], key: str) -> list:
-    """What occurs under a key: numbers by size, names as they come."""
-    found = list(dict.fromkeys(r[key] for r in rows))
-    return sorted(found) if all(isinstance(x, int) for x in found) else found
+def of_growth(rows: list[dict]) -> str:
+    """What first calls cost, by the way in which they are made."""
+    rows = [r for r in rows if r["part"] == "first_calls" and "what" in r]
+    lines = []
+    for kind in (AS_CALLED, JIT, BATCH):
+        cells = [kind]
+        for cache in ("none", "warm"):
+            calls = sorted((r[f"{kind} s"], r["what"]) for r in rows if r["cache"] == cache)
+            cells += (
+                [f"{calls[len(calls) // 2][0]:.2g} s", f"{calls[-1][0]:.2g} s, {calls[-1][1]}"] if calls else ["", ""]
+            )
+        lines.append(cells)
+    heads = [f"{what}, {cache}" for cache in ("no cache", "with JAX's cache") for what in ("median", "slowest")]
+    return table([f"first call of {len(rows) // 2} quantities", *heads], lines) if rows else ""
 
 
 def own(name: str) -> bool:
@@ -229,21 +241,6 @@ def code(name: str) -> str:
     return f"`{type(method).__name__}({given})`{comma}{rest}"
 
 
-def rate(per_second: float) -> str:
-    """A rate in words."""
-    for size, name in ((1e9, "billion"), (1e6, "million")):
-        if per_second >= size:
-            return f"{per_second / size:.3g} {name}"
-    return f"{per_second:,.0f}"
-
-
-def table(heads: list[str], lines: list[list[str]]) -> str:
-    """A table in Markdown, without the columns that would stay empty."""
-    kept = [i for i in range(len(heads)) if any(line[i] for line in lines)]
-    rows = [heads, ["---"] * len(heads), *lines]
-    return "\n".join("| " + " | ".join(row[i] for i in kept) + " |" for row in rows)
-
-
 METHODS = solvers.METHODS | tradeoff.METHODS
 
 TABLES = {
@@ -252,4 +249,5 @@ TABLES = {
     "bounds": of_bounds,
     "ladder": of_ladder,
     "limits": of_limits,
+    "growth": of_growth,
 }

@@ -99,6 +99,20 @@ def bound_row(program, dtype, per_second, to_c=math.nan):
     }  # fmt: skip
 
 
+def test_first_calls_are_told_by_their_median_and_the_slowest():
+    def call(cache, what, *seconds):
+        kinds = ("as called s", "jit s", "batch s")
+        return {"part": "first_calls", "cache": cache, "what": what} | dict(zip(kinds, seconds, strict=True))
+
+    rows = [call("none", name, 2.0, 1.0, k) for k, name in enumerate("abc")]
+    rows += [call("warm", name, 0.2, k / 10, 0.3) for k, name in enumerate("cba")]
+    rows += [{"part": "first_calls", "kind": "jit s", "slow": 0}, {"part": "memory", "what": "x"}]
+    table = decisions.of_growth(rows)
+    assert table.startswith("| first call of 3 quantities |")
+    assert cells(table, "jit") == ["1 s", "1 s, c", "0.1 s", "0.2 s, a"]
+    assert cells(table, "batch") == ["1 s", "2 s, c", "0.3 s", "0.3 s, c"]
+
+
 def test_what_was_not_measured_leaves_no_number():
     rows = [bound_row("norm_ratio", "float64", 4e6, to_c=0.5), bound_row("critical", "float64", 1e6)]
     rows += [bound_row(name, "float64", 1e5) for name in ("numpy 1.0", "norm_ratio, plain")]

@@ -9,7 +9,7 @@ from test_invariance import SCENES
 import jaxcontact as jc
 from jaxcontact import linalg
 from jaxcontact.linalg import fused
-from jaxcontact.linalg.reader import LOOP_LIMIT
+from jaxcontact.linalg.survey import LOOP_LIMIT
 from jaxcontact.linalg.unrolled import milestone
 
 X = jnp.array([0.3, -1.2, 2.5])

@@ -15,11 +15,11 @@ from ..dynamics.numbers import is_concrete
 from ..dynamics.sound import energy_of, refuse_unsound
 from .certificate import Certificate, certificate
 from .law import coefficients, stands_still
+from .looked import Looked, looked_at
 from .mass import is_definite, stiffened, stiffening
-from .residuals import Motion, Residuals, residuals
-from .sliding import Sliding, contradiction, length_of, normal_forces, sliding, sort_contacts, with_sign
+from .residuals import Residuals
+from .sliding import Sliding, normal_forces, sliding, sort_contacts, with_sign
 from .soundness import harmless, is_sound, without_idle_directions
-from .span import dependence
 
 ROUNDING = 1024
 """SOLVED requires every residual of the mechanics below ROUNDING (n + m) eps: 1e-12 in float64 for five unknowns."""
@@ -140,7 +140,7 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     remaining = friction[:0] if solution is None else _of_the_rest(contacts, solution)
     left = found._replace(problem=None)
     normal, a, free = linalg.fused_in_batches(_accelerated)(operators, friction, left, remaining)
-    looked = _looked_at(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
+    looked = looked_at(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
     reason = linalg.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = linalg.where(clear, _status(looked, solution), reason)
     forces = _judged(contacts, friction, looked, solution, normal, a, status)
@@ -196,32 +196,6 @@ def _accelerated(operators: Delassus, friction: Array, found: Sliding, remaining
     return normal, linalg.solve_lower_transposed(operators.L, jnp.sum(pushes, axis=1) - free), free
 
 
-class Looked(NamedTuple):
-    """What is measured of an answer."""
-
-    misses: Residuals
-    deficient: Array
-    """bool: the linear contacts depend on one another"""
-    contradictory: Array
-    """bool: and no acceleration satisfies them all"""
-    unique: Array
-    """bool: W - Wt D is positive definite for all signs of the forces"""
-
-
-def _looked_at(parts: Terms, operators: Delassus, free, friction, found: Sliding, normal, a) -> Looked:
-    """`Looked`, in a few loops over a batch."""
-    contacts = operators.contacts
-
-    def measured(parts, operators, free, friction, found, normal, a):
-        load = length_of(free[:, None])[0]
-        motion = Motion(a, normal, -friction * lax.abs(normal), friction, length_of(operators.N), load)
-        misses, unique = residuals(contacts, parts, motion), _certified(found.N, found.D)
-        return Looked(misses, found.span.deficient, contradiction(operators, found), unique)
-
-    operators, found = replace(operators, L=None, terms=None), found._replace(problem=None)  # not needed
-    return linalg.packed(measured)(parts, operators, free, friction, found, normal, a)
-
-
 def _status(looked: Looked, solution: Solution | None) -> Array:
     """The solver's word, overruled where linear constraints contradict each other or depend on one another."""
     status = jnp.int32(Status.SOLVED) if solution is None else solution.status
@@ -264,12 +238,3 @@ def _open(contacts: tuple[Contact, ...], solution: Solution | None) -> Array:
     closed = jnp.ones((), bool)
     flags = [closed if c.bilateral else solution.active[places[i]] for i, c in enumerate(contacts)]
     return ~jnp.stack(flags) if flags else jnp.zeros((0,), bool)
-
-
-def _certified(N: Array, D: Array) -> Array:
-    """bool: sigma_min(N)^2 > sigma_max(N^T D), so that W - Wt D is positive definite for all signs and the solution is
-    unique (the direct bound of the mixed problem)."""
-    noise = dependence(sum(N.shape), N.dtype)
-    least, greatest = linalg.singular_value_min(N), linalg.singular_value_max(N)
-    pulled = linalg.singular_value_max(linalg.gram(N, D))
-    return (least > noise * greatest) & (least**2 * (1 - noise) > pulled)

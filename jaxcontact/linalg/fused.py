@@ -20,6 +20,7 @@ from jax import lax
 from jaxcontact.linalg.batches import walled
 from jaxcontact.linalg.reader import Reader
 from jaxcontact.linalg.scalar_rules import Entries, entries_of, whole
+from jaxcontact.linalg.survey import is_cut, pays
 
 PAIRED_LIMIT = 4
 """Up to this many numbers are returned two by two; more would repeat too much of what they have in common."""
@@ -28,9 +29,9 @@ PAIRED_LIMIT = 4
 def fused(function: Callable, *, final: bool = False) -> Callable:
     """`function` as a program on scalars: the same values, to rounding, and the same derivatives.
 
-    A program with loops, branches or library routines in it, or one that is too long, is left as it is. Sine and cosine
-    are those of `circular`. With `final` up to PAIRED_LIMIT numbers are computed two by two, in one loop over a batch
-    for each pair: a value with a derivative costs one loop, not the ten that XLA makes of two results.
+    A program with loops, branches or library routines in it, or one that is too long, is left as it is. In a batch sine
+    and cosine are those of `circular`. With `final` up to PAIRED_LIMIT numbers are computed two by two, in one loop
+    over a batch for each pair: a value with a derivative costs one loop, not the ten that XLA makes of two results.
 
     Args:
         final: nothing is differentiated any more, so custom rules are opened as well. For the outermost function under
@@ -49,10 +50,9 @@ def fused(function: Callable, *, final: bool = False) -> Callable:
             return results
 
         program = jax.make_jaxpr(flattened)(*leaves)
-        reader = Reader(final)
-        if not reader.pays(program.jaxpr):
+        if not pays(program.jaxpr, final):
             return function(*arguments)
-        known = _milestones(program, leaves) if final and reader.is_cut(program.jaxpr) else ()
+        known = _milestones(program, leaves) if final and is_cut(program.jaxpr, final) else ()
         if final and _are_few_numbers(program.out_avals):
             results = _in_pairs(program, leaves, known)
         else:

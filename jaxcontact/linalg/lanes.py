@@ -15,8 +15,9 @@ from jax.extend import core
 from jax.interpreters import ad, batching, mlir
 
 from jaxcontact.linalg.fused import fused
-from jaxcontact.linalg.reader import IN_BATCHES, Reader
+from jaxcontact.linalg.reader import Reader
 from jaxcontact.linalg.scalar_rules import Entries, entries_of
+from jaxcontact.linalg.survey import IN_BATCHES, takes_apart
 
 
 def fused_in_batches(function: Callable) -> Callable:
@@ -44,11 +45,10 @@ def read_batch(
 
     >>> read_batch(jax.make_jaxpr(jnp.dot)(row, column), 10, [rows, column], [True, False], final=True)
     """
-    reader = Reader(final, lanes=size)
-    if not reader.takes_apart(program.jaxpr):
+    if not takes_apart(program.jaxpr, final):
         return None
     inputs = [columns_of(x) if b else x for x, b in zip(leaves, batched, strict=True)]
-    return [entries_of(x) for x in reader.run(program.jaxpr, program.consts, inputs)]
+    return [entries_of(x) for x in Reader(final, lanes=size).run(program.jaxpr, program.consts, inputs)]
 
 
 def columns_of(x: jax.Array) -> Entries:

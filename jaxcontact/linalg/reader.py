@@ -13,7 +13,6 @@ from jax.extend import core
 from jaxcontact.linalg.scalar_rules import (
     ELEMENTWISE,
     FOLD,
-    KNOWN,
     PARTS,
     REDUCTIONS,
     STRUCTURE,
@@ -29,24 +28,8 @@ from jaxcontact.linalg.scalar_rules import (
 )
 from jaxcontact.linalg.screens import screen
 from jaxcontact.linalg.shielded import SHIELDED
+from jaxcontact.linalg.survey import ENTRIES_LIMIT, opened
 from jaxcontact.linalg.unrolled import milestone
-
-IN_BATCHES = "fused_in_batches"
-"""The name of the primitive of `lanes`."""
-
-ENTRIES_LIMIT = 128
-"""Arrays with more entries than this stay whole."""
-
-LENGTH_LIMIT = 2**13
-"""A longer program on scalars takes too long to compile."""
-
-CUT_LENGTH_LIMIT = 2**14
-"""The same for one that is cut."""
-
-LOOP_LIMIT = 5000
-"""A longer program, before its repetitions fall away, is cut at its milestones. XLA:CPU takes a loop of more than some
-3000 operations apart into functions that call each other, each once for every user: a thousand times slower
-(computation_partitioner.cc)."""
 
 
 class Reader:
@@ -65,47 +48,6 @@ class Reader:
         self.wild: set[int] = set()
         self.parts: dict = {}
 
-    def pays(self, program) -> bool:
-        """Whether the program is made of operations that are taken apart, and few enough of them."""
-        return self._length(program) <= (CUT_LENGTH_LIMIT if self.final and self._marked(program) else LENGTH_LIMIT)
-
-    def is_cut(self, program) -> bool:
-        """Whether the program has milestones and is too long for one loop."""
-        return self._marked(program) and self._length(program) > LOOP_LIMIT
-
-    def takes_apart(self, program) -> bool:
-        """Whether no step of the program stays as it is."""
-        return self._length(program) <= LENGTH_LIMIT and all(map(self._is_taken_apart, program.eqns))
-
-    def _is_taken_apart(self, step) -> bool:
-        if is_milestone(step):
-            return True
-        inner = self._opened(step)
-        if inner is not None:
-            return all(map(self._is_taken_apart, inner.jaxpr.eqns))
-        small = all(v.aval.size <= ENTRIES_LIMIT for v in (*step.invars, *step.outvars))
-        return small and step.primitive.name in KNOWN and step.primitive.name != "custom_jvp_call"
-
-    def _marked(self, program) -> bool:
-        if any(map(is_milestone, program.eqns)):
-            return True
-        inner = [self._opened(step) for step in program.eqns]
-        return any(self._marked(x.jaxpr) for x in inner if x)
-
-    def _length(self, program) -> float:
-        return sum(self._length_of(step) for step in program.eqns)
-
-    def _length_of(self, step) -> float:
-        if is_milestone(step):
-            return 1
-        inner = self._opened(step)
-        if inner is not None:
-            return self._length(inner.jaxpr)
-        if step.primitive.name in KNOWN:
-            return sum(v.aval.size if v.aval.shape else 1 for v in step.outvars)
-        scalar = max(v.aval.size for v in (*step.invars, *step.outvars)) <= 1
-        return len(step.outvars) if scalar and not list(core.jaxprs_in_params(step.params)) else np.inf
-
     def run(self, program, constants, arguments) -> list:
         values = dict(zip(program.constvars, constants, strict=True))
         values |= dict(zip(program.invars, arguments, strict=True))
@@ -121,7 +63,7 @@ class Reader:
             return [Entries((), step.outvars[0].aval.dtype, [self._scalar(step.primitive, params, operands)])]
         if is_milestone(step):
             return [Entries((), step.outvars[0].aval.dtype, [self._milestone(self._entries(inputs[0]).flat[0])])]
-        inner = self._opened(step)
+        inner = opened(step, self.final)
         if inner is not None:
             return self.run(inner.jaxpr, inner.consts, inputs)
         small = all(var.aval.size <= ENTRIES_LIMIT for var in (*step.invars, *step.outvars) if hasattr(var, "aval"))
@@ -144,16 +86,6 @@ class Reader:
         results = _as_it_stands(program, step, inputs)
         self.wild |= {id(x) for x in results}
         return results
-
-    def _opened(self, step):
-        """The program inside a call that may be read through, else None."""
-        if step.primitive.name in ("jit", "pjit"):
-            return step.params["jaxpr"]
-        if step.primitive.name == IN_BATCHES:
-            return step.params["program"]
-        if self.final and step.primitive.name == "custom_jvp_call":
-            return step.params["call_jaxpr"]
-        return None
 
     def _entries(self, x) -> Entries:
         """The entries of an array, the same ones each time; those of a wild array are wild."""
