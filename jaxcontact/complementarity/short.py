@@ -80,7 +80,9 @@ def counted(times, advance, carry):
 
 def first(mask):
     """(n,) bool: the first true entry of a mask, alone."""
-    if 0 < len(mask) <= SCALARS:
+    if len(mask) == 0:
+        return mask
+    if len(mask) <= SCALARS:
         alone, taken = [], None
         for here in in_a_row(mask):
             alone.append(here if taken is None else lax.bitwise_and(here, lax.bitwise_not(taken)))
