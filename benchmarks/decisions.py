@@ -47,10 +47,8 @@ def main(argv: list[str]) -> None:
 
 def decisions(files: dict) -> str:
     """All tables; `files` maps the name of a benchmark to what it wrote."""
-    parts = [
-        part for name, measured in files.items() for part in (TABLES[name](measured["rows"]), source(name, measured))
-    ]
-    return "\n\n".join(part for part in parts if part)
+    made = {name: TABLES[name](measured["rows"]) for name, measured in files.items()}
+    return "\n\n".join(f"{found}\n\n{source(name, files[name])}" for name, found in made.items() if found)
 
 
 def replaced(text: str, tables: str) -> str:
@@ -222,7 +220,7 @@ def of_growth(rows: list[dict]) -> str:
             )
         lines.append(cells)
     heads = [f"{what}, {cache}" for cache in ("no cache", "with JAX's cache") for what in ("median", "slowest")]
-    return table([f"first call of {len(rows) // 2} quantities", *heads], lines) if rows else ""
+    return table([f"first call of {len(ordered(rows, 'what'))} quantities", *heads], lines) if rows else ""
 
 
 def own(name: str) -> bool:

@@ -121,6 +121,8 @@ def test_what_was_not_measured_leaves_no_number():
     assert cells(table, "2") == ["norm_ratio", "4 million", "40", "0.5", "2.00"]
     assert "nan" not in table
     assert decisions.decisions({}) == ""
+    other = {"growth": {"machine": MACHINE, "rows": [{"part": "memory", "what": "x"}]}}
+    assert decisions.decisions(other) == ""  # no table, and no line that says where it is from
 
 
 def test_tables_are_written_between_the_markers_and_nowhere_else(tmp_path):

@@ -80,12 +80,13 @@ def _(problem: BoxedLCP, unknown):
     return attach(problem, x, *lax.stop_gradient(pairs_of_box(problem, x)))[0]
 
 
+@jax.custom_jvp
 def attach(problem, free, z, w, weight=None, finite=None):
     """(free, z, w) unchanged, with the derivative above; zero derivative where a number is not finite. What only the
     derivative needs is computed where one is taken.
 
     weight: (m,) d, and finite: bool, whether all numbers are finite, where they are known already."""
-    return _attached(problem, weight, finite, free, z, w)
+    return free, z, w
 
 
 def weights(active, degenerate, dtype):
@@ -100,15 +101,10 @@ def _harmless(form):
     return NormalForm(eye[:, :k], eye[:, k:], eye[:, k:], jnp.zeros_like(form.q))
 
 
-@jax.custom_jvp
-def _attached(problem, weight, finite, free, z, w):
-    return free, z, w
-
-
-@_attached.defjvp
+@attach.defjvp
 def _(primals, tangents):
-    problem, weight, finite, *_ = primals
-    point = _attached(*primals)
+    problem, *_, weight, finite = primals
+    point = attach(*primals)
     form, dform = jax.jvp(normal_form, (problem,), tangents[:1])
     if finite is None:
         finite = all_finite(*form, *point)

@@ -108,7 +108,8 @@ def _enumerated(problem):
 
 
 def _solved_modes(problem, form, scales, modes):
-    """`_solved_mode` of each mode, one after the other: traced once, and a batch of problems stays in the cache."""
+    """`_solved_mode` of each mode, one after the other: traced once, and a batch of problems stays in the cache. (A
+    single problem of many modes would be quicker with all at once.)"""
     solved = linalg.packed(_solved_mode)
     return lax.map(lambda mode: solved(problem, form, scales, mode), modes)
 

@@ -17,7 +17,7 @@ from jax.interpreters import ad, batching, mlir
 from jaxcontact.linalg.fused import fused
 from jaxcontact.linalg.reader import Reader
 from jaxcontact.linalg.scalar_rules import Entries, entries_of
-from jaxcontact.linalg.survey import IN_BATCHES, takes_apart
+from jaxcontact.linalg.survey import IN_BATCHES, of_all_inputs, takes_apart
 
 
 def fused_in_batches(function: Callable) -> Callable:
@@ -29,8 +29,7 @@ def fused_in_batches(function: Callable) -> Callable:
 
     def call(*arguments):
         traced, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
-        inputs = [*traced.jaxpr.constvars, *traced.jaxpr.invars]
-        program = core.ClosedJaxpr(traced.jaxpr.replace(constvars=[], invars=inputs), [])
+        program = core.ClosedJaxpr(of_all_inputs(traced), [])
         results = _program_p.bind(*traced.consts, *jax.tree.leaves(arguments), program=program)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)
 

@@ -64,8 +64,8 @@ def _packed(results: Sequence[Entries | jax.Array], size: int) -> dict[str, list
     found: dict = {}
     for x in results:
         entries = x.flat if isinstance(x, Entries) else columns_of(x).flat
-        found.setdefault(x.dtype, []).extend(e if np.ndim(e) else lax.broadcast(e, (size,)) for e in entries)
-    return {kind.name: _numbers(entries) for kind, entries in found.items()}
+        found.setdefault(x.dtype.name, []).extend(e if np.ndim(e) else lax.broadcast(e, (size,)) for e in entries)
+    return {kind: _numbers(entries) for kind, entries in found.items()}
 
 
 def _unpacked(numbers: dict[str, list[jax.Array]], shapes: Any, size: int) -> Any:

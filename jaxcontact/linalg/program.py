@@ -9,6 +9,7 @@ from jax.extend import core
 
 from jaxcontact.linalg.reader import Reader
 from jaxcontact.linalg.scalar_rules import Entries, entries_of
+from jaxcontact.linalg.survey import of_all_inputs
 from jaxcontact.linalg.unrolled import Scalar, in_a_row
 
 
@@ -22,7 +23,7 @@ class Program:
     """
 
     def __init__(self, program: core.Jaxpr, known: Sequence):
-        """`known`: the values of the first inputs; not the constants of the Jaxpr, which JAX 0.11 keeps in it."""
+        """`known`: the values of the first inputs."""
         self._program, self._known = program, known
 
     @classmethod
@@ -42,10 +43,8 @@ class Program:
 
     @classmethod
     def _traced(cls, function: Callable, scalars: Sequence) -> "Program":
-        closed = jax.make_jaxpr(function)(*scalars)
-        program, constants = closed.jaxpr, closed.consts
-        inputs = [*program.constvars, *program.invars]
-        return cls(program.replace(constvars=[], invars=inputs), constants)
+        traced = jax.make_jaxpr(function)(*scalars)
+        return cls(of_all_inputs(traced), traced.consts)
 
     @property
     def _inputs(self) -> list[jax.ShapeDtypeStruct]:

@@ -18,7 +18,7 @@ _screen_p = core.Primitive(SCREEN)
 def screen(x: jax.Array, share: float = 0.5) -> jax.Array:
     """x, as its maximum with a most negative number, `share` of the most negative finite one; NaN passes through.
 
-    A primitive of its own: a function with a custom derivative takes thirty times as long to trace.
+    A primitive of its own: a function with a custom derivative takes many times as long to trace.
     """
     return _screen_p.bind(x, share=share)
 

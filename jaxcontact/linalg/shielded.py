@@ -2,8 +2,8 @@
 
 XLA:CPU ends a loop at an expensive operation that several others use. Behind a cheap one it does not, nor at
 polynomials (`screens`, `circular`). As primitives these cost one step of a traced program and its derivative; a
-function with a custom derivative would cost thirty. One number by itself is left to XLA's own operation: there is no
-loop to keep whole, and polynomials would be compiled again for every user.
+function with a custom derivative takes many times as long to trace. One number by itself is left to XLA's own
+operation: there is no loop to keep whole, and polynomials would be compiled again for every user.
 """
 
 from collections.abc import Callable

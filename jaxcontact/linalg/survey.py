@@ -34,6 +34,12 @@ def opened(step, final: bool):
     return None
 
 
+def of_all_inputs(traced: core.ClosedJaxpr) -> core.Jaxpr:
+    """The program with its constants as first inputs; JAX 0.11 keeps those of a Jaxpr in it."""
+    inputs = [*traced.jaxpr.constvars, *traced.jaxpr.invars]
+    return traced.jaxpr.replace(constvars=[], invars=inputs)
+
+
 def pays(program, final: bool) -> bool:
     """Whether the program is made of operations that are taken apart, and few enough of them."""
     return _length(program, final) <= (CUT_LENGTH_LIMIT if final and _is_marked(program, final) else LENGTH_LIMIT)
