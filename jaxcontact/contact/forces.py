@@ -52,7 +52,8 @@ class ContactForces:
     open: Array
     """(m,) bool: unilateral contacts that carry no force."""
     unique: Array
-    """bool: certified by the direct bound that no other forces solve the problem; False says nothing."""
+    """bool: certified by the direct bound, in units in which gradients have length 1, that no other forces solve the
+    problem; False says nothing."""
     degenerate: Array
     """int32: contacts at a kink, with zero force and zero acceleration of the gap, or at a change of sign; derivatives
     there are one element of Clarke's generalised derivative."""
@@ -170,7 +171,7 @@ def _inspected(mechanism: Any, state: State, mu: Array) -> tuple[Seen, Array, Ar
         return still, sound, is_definite(parts.M)
 
     still, sound, regular = linalg.packed(look)(mechanism, state, mu)
-    parts = without_idle_directions(_terms(mechanism, state), still)
+    parts = without_idle_directions(linalg.fused_in_batches(_terms)(mechanism, state), still)
     zero = jnp.zeros((), state.q.dtype)
     gamma, massive = linalg.where_needed(~regular, lambda p: stiffening(p, contacts), (zero, regular), parts)
     seen = Seen(parts, linalg.where(massive, 1.0, jnp.nan))

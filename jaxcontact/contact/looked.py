@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
 from jax import Array, lax
 
 from .. import linalg
@@ -39,9 +40,10 @@ def looked_at(parts: Terms, operators: Delassus, free, friction, found: Sliding,
 
 
 def _certified(N: Array, D: Array) -> Array:
-    """bool: sigma_min(N)^2 > sigma_max(N^T D), so that W - Wt D is positive definite for all signs and the solution is
-    unique (the direct bound of the mixed problem)."""
-    noise = dependence(sum(N.shape), N.dtype)
-    least, greatest = linalg.singular_value_min(N), linalg.singular_value_max(N)
-    pulled = linalg.singular_value_max(linalg.gram(N, D))
-    return (least > noise * greatest) & (least**2 * (1 - noise) > pulled)
+    """bool: W - sigma_max(N^T D) I is positive definite, beyond rounding, so that W - Wt D is for all signs and the
+    solution is unique: the direct bound of the mixed problem, each force in units of 1 / |N_k|."""
+    lengths = length_of(N)
+    lengths = linalg.where(lengths > 0, lengths, 1)[None, :]
+    unit = N / lengths
+    least = linalg.singular_value_max(linalg.gram(unit, D / lengths)) + N.shape[1] * dependence(sum(N.shape), N.dtype)
+    return linalg.all_finite(linalg.cholesky(linalg.gram(unit, unit) - least * np.eye(N.shape[1], dtype=N.dtype)))

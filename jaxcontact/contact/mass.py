@@ -35,7 +35,7 @@ def stiffening(parts: Terms, contacts: tuple[Contact, ...]) -> tuple[Array, Arra
         return jnp.zeros((), parts.M.dtype), jnp.zeros((), bool)
     G = select_columns(parts.G, held)
     gamma = _stiffness(parts.M, G)
-    stiffer = linalg.gram((gamma * G).T, G.T)
+    stiffer = gamma * _outer(G)
     return gamma, is_definite(parts.M + stiffer) & _is_semidefinite(parts.M, stiffer)
 
 
@@ -45,8 +45,12 @@ def stiffened(parts: Terms, contacts: tuple[Contact, ...], gamma: Array) -> Term
     if not held:
         return parts
     G, c = select_columns(parts.G, held), select(parts.c, held)
-    M, F = parts.M + linalg.gram((gamma * G).T, G.T), parts.F + linalg.gram((gamma * G).T, c)
-    return replace(parts, M=M, F=F)
+    return replace(parts, M=parts.M + gamma * _outer(G), F=parts.F + gamma * jnp.sum(G * c[None, :], axis=1))
+
+
+def _outer(G: Array) -> Array:
+    """G G^T (n, n) in one operation: a program on scalars takes it apart by itself."""
+    return jnp.sum(G[:, None, :] * G[None, :, :], axis=2)
 
 
 def _held(contacts: tuple[Contact, ...]) -> tuple[int, ...]:

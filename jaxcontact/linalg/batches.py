@@ -11,6 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
+from jax.extend import core
+
+from jaxcontact.linalg.tracing import where
 
 WIDEST_VECTOR = 512
 """Bits; XLA itself stops at 256."""
@@ -68,6 +71,8 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
 
     >>> where_needed(~solved, proof_of_infeasibility, jnp.zeros((), bool), M, q)
     """
+    function = jax.jit(function)
+    program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)  # a rule would trace it again
 
     @custom_vmap
     def one(needed, otherwise, *arguments):
@@ -78,7 +83,9 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
         axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
 
         def lane(needed, otherwise, *arguments):
-            return jax.tree.map(lambda a, b: jnp.where(needed, a, b), function(*arguments), otherwise)
+            found = core.jaxpr_as_fun(program)(*jax.tree.leaves(arguments))
+            found = jax.tree.unflatten(jax.tree.structure(shapes), found)
+            return jax.tree.map(lambda a, b: where(needed, a, b), found, otherwise)
 
         def idle(_, otherwise, *__):
             return otherwise
@@ -156,7 +163,7 @@ def walled(function: Callable) -> Callable:
         def nothing(*_):
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
-        return lax.cond(_always(arguments), function, nothing, *arguments)
+        return lax.cond(lax.optimization_barrier(np.bool_(True)), function, nothing, *arguments)
 
     @one.def_vmap
     def _(size, batched, *arguments):
@@ -170,21 +177,6 @@ def walled(function: Callable) -> Callable:
 def _on_cpu() -> bool:
     """Whether programs are made for a CPU, as far as one can know while they are traced."""
     return jax.default_backend() == "cpu"
-
-
-def _always(arguments):
-    """True, as a computed number: the bits of a number with the last one set are not all zero. Of the first rows of
-    all arguments, as many a number is a constant in the end."""
-    rows: dict = {}
-    for x in jax.tree.leaves(arguments):
-        if jnp.issubdtype(x.dtype, jnp.floating) and x.size:
-            row = lax.slice_in_dim(x, 0, 1) if x.ndim else x
-            rows.setdefault(x.dtype, []).append(lax.reshape(row, (row.size,)))
-    found = []
-    for dtype, parts in rows.items():
-        bits = lax.bitcast_convert_type(lax.concatenate(parts, 0), f"uint{8 * dtype.itemsize}")
-        found.append(lax.reduce_or(bits, (0,)).astype(np.uint32))
-    return lax.ne(functools.reduce(lax.bitwise_or, found, np.uint32(1)), np.uint32(0)) if found else True
 
 
 def _spread(size, batched, arguments):

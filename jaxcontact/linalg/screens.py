@@ -18,12 +18,15 @@ _screen_p = core.Primitive(SCREEN)
 def screen(x: jax.Array, share: float = 0.5) -> jax.Array:
     """x, as its maximum with a most negative number, `share` of the most negative finite one; NaN passes through.
 
-    A primitive of its own: a function with a custom derivative takes many times as long to trace.
+    A primitive of its own: a function with a custom derivative takes many times as long to trace. Nothing at all for
+    one number by itself, where there is no loop to keep whole.
     """
     return _screen_p.bind(x, share=share)
 
 
 def _maximum(x, *, share):
+    if not x.ndim:
+        return x
     return lax.max(x, lax.full_like(x, share * float(jnp.finfo(x.dtype).min)))
 
 
