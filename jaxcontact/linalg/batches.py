@@ -3,7 +3,6 @@
 Functions are written for one problem; these rules say what `jax.vmap` makes of them. A vmap of a vmap is one batch.
 """
 
-import functools
 from collections.abc import Callable
 
 import jax
