@@ -10,9 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
-from jax.extend import core
 
-from jaxcontact.linalg.tracing import where
+from jaxcontact.linalg.tracing import Traced, where
 
 WIDEST_VECTOR = 512
 """Bits; XLA itself stops at 256."""
@@ -30,29 +29,32 @@ def in_chunks(function: Callable, lanes: int) -> Callable:
     >>> jax.vmap(in_chunks(lambda x: lax.while_loop(lambda y: y < 1, lambda y: 2 * y, x), 256))(x)
     """
 
-    function = jax.jit(function)  # traced once, batched twice
+    def apart(*arguments):
+        traced = Traced.of(function, *arguments)
 
-    @custom_vmap
-    def many(*arguments):
-        if not _on_cpu():
-            return jax.vmap(function)(*arguments)
-        return _chunk_by_chunk(jax.vmap(function), lanes, arguments)
+        @custom_vmap
+        def many(*arguments):
+            if not _on_cpu():
+                return jax.vmap(traced.run)(*arguments)
+            return _chunk_by_chunk(jax.vmap(traced.run), lanes, arguments)
 
-    @many.def_vmap
-    def _(size, batched, *arguments):
-        return _as_one_batch(many, size, batched, arguments)
+        @many.def_vmap
+        def _(size, batched, *arguments):
+            return _as_one_batch(many, size, batched, arguments)
 
-    @custom_vmap
-    def one(*arguments):
-        return function(*arguments)
+        @custom_vmap
+        def one(*arguments):
+            return traced.run(*arguments)
 
-    @one.def_vmap
-    def _(size, batched, *arguments):
-        spread = _spread(size, batched, arguments)
-        results = many(*jax.tree.unflatten(jax.tree.structure(arguments), spread))
-        return results, jax.tree.map(lambda _: True, results)
+        @one.def_vmap
+        def _(size, batched, *arguments):
+            spread = _spread(size, batched, arguments)
+            results = many(*jax.tree.unflatten(jax.tree.structure(arguments), spread))
+            return results, jax.tree.map(lambda _: True, traced.shapes)
 
-    return one
+        return one(*arguments)
+
+    return apart
 
 
 def compiler_options() -> dict:
@@ -70,21 +72,18 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
 
     >>> where_needed(~solved, proof_of_infeasibility, jnp.zeros((), bool), M, q)
     """
-    function = jax.jit(function)
-    program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)  # a rule would trace it again
+    traced = Traced.of(function, *arguments)
 
     @custom_vmap
     def one(needed, otherwise, *arguments):
-        return lax.cond(needed, function, lambda *_: otherwise, *arguments)
+        return lax.cond(needed, traced.run, lambda *_: otherwise, *arguments)
 
     @one.def_vmap
     def _(size, batched, *given):
         axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
 
         def lane(needed, otherwise, *arguments):
-            found = core.jaxpr_as_fun(program)(*jax.tree.leaves(arguments))
-            found = jax.tree.unflatten(jax.tree.structure(shapes), found)
-            return jax.tree.map(lambda a, b: where(needed, a, b), found, otherwise)
+            return jax.tree.map(lambda a, b: where(needed, a, b), traced.run(*arguments), otherwise)
 
         def idle(_, otherwise, *__):
             return otherwise
@@ -93,7 +92,7 @@ def where_needed(needed: jax.Array, function: Callable, otherwise, *arguments):
             return lambda *given: jax.vmap(choice, axes, axis_size=size)(*given)
 
         results = lax.cond(jnp.any(given[0]), over(lane), over(idle), *given)
-        return results, jax.tree.map(lambda _: True, results)
+        return results, jax.tree.map(lambda _: True, traced.shapes)
 
     return one(needed, otherwise, *arguments)
 
@@ -104,6 +103,7 @@ def for_the_few(needed: jax.Array, function: Callable, otherwise, *arguments, la
 
     >>> for_the_few(doubtful, again, first, problem, lanes=256)
     """
+    traced = Traced.of(function, *arguments)
 
     @custom_vmap
     def many(needed, otherwise, arguments):
@@ -115,7 +115,7 @@ def for_the_few(needed: jax.Array, function: Callable, otherwise, *arguments, la
             # the last group begins earlier, with lanes that are done again, or with some that do not need it
             begin = jnp.minimum(k * width, size - width)
             chosen = lax.dynamic_slice_in_dim(order, begin, width)
-            found = jax.vmap(function)(*jax.tree.map(lambda x: x[chosen], arguments))
+            found = jax.vmap(traced.run)(*jax.tree.map(lambda x: x[chosen], arguments))
 
             def put(whole, part):
                 wanted = needed[chosen].reshape(-1, *[1] * (part.ndim - 1))
@@ -131,13 +131,13 @@ def for_the_few(needed: jax.Array, function: Callable, otherwise, *arguments, la
 
     @custom_vmap
     def one(needed, otherwise, arguments):
-        return lax.cond(needed, lambda given: function(*given), lambda _: otherwise, arguments)
+        return lax.cond(needed, lambda given: traced.run(*given), lambda _: otherwise, arguments)
 
     @one.def_vmap
     def _(size, batched, *given):
         spread = _spread(size, batched, given)
         results = many(*jax.tree.unflatten(jax.tree.structure(given), spread))
-        return results, jax.tree.map(lambda _: True, results)
+        return results, jax.tree.map(lambda _: True, traced.shapes)
 
     return one(needed, otherwise, arguments)
 
@@ -151,26 +151,30 @@ def walled(function: Callable) -> Callable:
 
     >>> jax.vmap(walled(lambda x: x + 1))(jnp.zeros(3))     # ones
     """
-    function = jax.jit(function)  # traced once, for its shapes and for itself
 
-    @custom_vmap
-    def one(*arguments):
-        if not _on_cpu():
-            return function(*arguments)
-        shapes = jax.eval_shape(function, *arguments)
+    def apart(*arguments):
+        traced = Traced.of(function, *arguments)
 
-        def nothing(*_):
-            return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+        @custom_vmap
+        def one(*arguments):
+            if not _on_cpu():
+                return traced.run(*arguments)
 
-        return lax.cond(lax.optimization_barrier(np.bool_(True)), function, nothing, *arguments)
+            def nothing(*_):
+                return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), traced.shapes)
 
-    @one.def_vmap
-    def _(size, batched, *arguments):
-        axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
-        results = walled(jax.vmap(function, axes, axis_size=size))(*arguments)
-        return results, jax.tree.map(lambda _: True, results)
+            # a constant that the compiler does not see through
+            return lax.cond(lax.optimization_barrier(np.bool_(True)), traced.run, nothing, *arguments)
 
-    return one
+        @one.def_vmap
+        def _(size, batched, *arguments):
+            axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
+            results = walled(jax.vmap(traced.run, axes, axis_size=size))(*arguments)
+            return results, jax.tree.map(lambda _: True, traced.shapes)
+
+        return one(*arguments)
+
+    return apart
 
 
 def _on_cpu() -> bool:

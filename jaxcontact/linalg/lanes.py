@@ -18,6 +18,7 @@ from jaxcontact.linalg.fused import fused
 from jaxcontact.linalg.reader import Reader
 from jaxcontact.linalg.scalar_rules import Entries, entries_of
 from jaxcontact.linalg.survey import IN_BATCHES, of_all_inputs, takes_apart
+from jaxcontact.linalg.tracing import Traced
 
 
 def fused_in_batches(function: Callable) -> Callable:
@@ -25,13 +26,12 @@ def fused_in_batches(function: Callable) -> Callable:
 
     >>> jax.jit(jax.vmap(fused_in_batches(lambda x: jnp.stack([x, 0 * x]) @ jnp.stack([x, x]))))
     """
-    function = jax.jit(function)  # one step of the program
 
     def call(*arguments):
-        traced, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
-        program = core.ClosedJaxpr(of_all_inputs(traced), [])
-        results = _program_p.bind(*traced.consts, *jax.tree.leaves(arguments), program=program)
-        return jax.tree.unflatten(jax.tree.structure(shapes), results)
+        traced = Traced.of(function, *arguments)
+        program = core.ClosedJaxpr(of_all_inputs(traced.program), [])
+        results = _program_p.bind(*traced.program.consts, *jax.tree.leaves(arguments), program=program)
+        return jax.tree.unflatten(jax.tree.structure(traced.shapes), results)
 
     return call
 

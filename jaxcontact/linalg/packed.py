@@ -19,6 +19,7 @@ from jaxcontact.linalg.batches import walled
 from jaxcontact.linalg.fused import as_one, from_one
 from jaxcontact.linalg.lanes import columns_of, read_batch
 from jaxcontact.linalg.scalar_rules import Entries
+from jaxcontact.linalg.tracing import Traced
 from jaxcontact.linalg.unrolled import total
 
 BITS = 31
@@ -32,14 +33,13 @@ def packed(function: Callable) -> Callable:
 
     >>> largest, whole = packed(lambda x: (jnp.abs(x).max(), jnp.isfinite(x)))(jnp.ones(3))
     """
-    function = jax.jit(function)  # traced once, for its shapes and for itself
 
     def apart(*arguments):
-        program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+        traced = Traced.of(function, *arguments)
 
         @custom_vmap
         def one(*arguments):
-            return function(*arguments)
+            return traced.run(*arguments)
 
         @one.def_vmap
         def _(size, batched, *arguments):
@@ -47,12 +47,13 @@ def packed(function: Callable) -> Callable:
             axes = jax.tree.map(lambda b: 0 if b else None, tuple(batched))
 
             def in_few_numbers(*arguments):
-                results = read_batch(program, size, jax.tree.leaves(arguments), flags, final=True)
+                results = read_batch(traced.program, size, jax.tree.leaves(arguments), flags, final=True)
                 if results is None:
-                    results = jax.tree.leaves(jax.vmap(function, axes, axis_size=size)(*arguments))
+                    results = jax.tree.leaves(jax.vmap(traced.run, axes, axis_size=size)(*arguments))
                 return _packed(results, size)
 
-            return _unpacked(walled(in_few_numbers)(*arguments), shapes, size), jax.tree.map(lambda _: True, shapes)
+            results = _unpacked(walled(in_few_numbers)(*arguments), traced.shapes, size)
+            return results, jax.tree.map(lambda _: True, traced.shapes)
 
         return one(*arguments)
 
