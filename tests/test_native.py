@@ -331,6 +331,22 @@ def test_without_kernels_everything_works_and_the_reason_is_named(tmp_path):
     assert done.stdout.split("\n")[:2] == ["JAXCONTACT_NATIVE=0 is set", "1.0"]
 
 
+@built
+def test_kernels_for_another_jaxlib_are_left_alone(monkeypatch):
+    """jaxlib refuses a library with a newer interface for foreign functions than its own."""
+
+    def refuse(*_, **__):
+        raise jax.errors.JaxRuntimeError("INVALID_ARGUMENT: API version (0.3) is incompatible")
+
+    native._loaded.cache_clear()
+    monkeypatch.setattr(jax.ffi, "register_ffi_target", refuse)
+    try:
+        assert "another jaxlib" in native.reason() and "kernels --build" in native.reason()
+        assert float(solve(LCP(jnp.eye(1), -jnp.ones(1)), Lemke()).z[0]) == 1
+    finally:
+        native._loaded.cache_clear()
+
+
 def test_no_compiler_is_said_so(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setenv("CXX", "")

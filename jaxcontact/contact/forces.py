@@ -141,7 +141,7 @@ def _forces(mechanism: Any, state: State, mu: Array, method: Any, certified: boo
     remaining = friction[:0] if solution is None else _of_the_rest(contacts, solution)
     left = found._replace(problem=None)
     normal, a, free = linalg.fused_in_batches(_accelerated)(operators, friction, left, remaining)
-    looked = looked_at(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
+    looked = looked_at(parts, operators, free, friction, found, normal, a)
     reason = linalg.where(sound, int(Status.STICKING), int(Status.BAD_INPUT))
     status = linalg.where(clear, _status(looked, solution), reason)
     forces = _judged(contacts, friction, looked, solution, normal, a, status)

@@ -26,7 +26,7 @@ class Looked(NamedTuple):
 
 
 def looked_at(parts: Terms, operators: Delassus, free, friction, found: Sliding, normal, a) -> Looked:
-    """`Looked`, in a few loops over a batch."""
+    """`Looked`, in a few loops over a batch; not differentiated."""
     contacts = operators.contacts
 
     def measured(parts, operators, free, friction, found, normal, a):
@@ -36,7 +36,7 @@ def looked_at(parts: Terms, operators: Delassus, free, friction, found: Sliding,
         return Looked(misses, found.span.deficient, contradiction(operators, found), unique)
 
     operators, found = replace(operators, L=None, terms=None), found._replace(problem=None)  # not needed
-    return linalg.packed(measured)(parts, operators, free, friction, found, normal, a)
+    return linalg.packed(measured)(*lax.stop_gradient((parts, operators, free, friction, found, normal, a)))
 
 
 def _certified(N: Array, D: Array) -> Array:

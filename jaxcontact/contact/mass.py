@@ -11,6 +11,7 @@ and ker M meets ker G_b^T in zero only, which is the condition of Proposition 1(
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
@@ -57,6 +58,7 @@ def _held(contacts: tuple[Contact, ...]) -> tuple[int, ...]:
     return tuple(i for i, contact in enumerate(contacts) if contact.bilateral)
 
 
+@jax.jit
 def is_definite(M: Array) -> Array:
     """bool: M (n, n) is positive definite, beyond rounding."""
     n = M.shape[0]

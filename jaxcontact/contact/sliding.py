@@ -16,6 +16,7 @@ to A10), and lambda_e = -N_e^+ ((N_e^+)^T w_e + N_r lambda_r - D_r |lambda_r|), 
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
@@ -140,6 +141,7 @@ def _size_of_w(operators: Delassus) -> Array:
     return lax.abs(operators.terms.c) + length_of(operators.N) * free
 
 
+@jax.jit
 def length_of(columns: Array) -> Array:
     """(k,) lengths of columns (n, k), to compare with; not differentiated."""
     return lax.sqrt(jnp.sum(lax.stop_gradient(columns) ** 2, axis=0))

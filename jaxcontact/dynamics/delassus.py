@@ -186,9 +186,8 @@ def _factor(M: Array) -> Array:
     L = linalg.cholesky(M)
     if n == 0:
         return L
-    diagonal = jnp.stack([M[i, i] for i in range(n)])
-    noise = n * float(jnp.finfo(M.dtype).eps)
-    sound = jnp.stack([L[i, i] ** 2 > noise * diagonal[i] for i in range(n)]).all() & (jnp.sum(diagonal) < jnp.inf)
+    diagonal, noise = linalg.diagonal(M), n * float(jnp.finfo(M.dtype).eps)
+    sound = jnp.all(linalg.diagonal(L) ** 2 > noise * diagonal) & (jnp.sum(diagonal) < jnp.inf)
     return linalg.where(sound, L, jnp.nan)
 
 

@@ -234,5 +234,8 @@ def _loaded() -> str:
         return str(error)
     for kernel, real in itertools.product(KERNELS, REALS.values()):
         name = f"jaxcontact_{kernel}_{real}"
-        jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(getattr(kernels, name)), platform="cpu")
+        try:
+            jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(getattr(kernels, name)), platform="cpu")
+        except RuntimeError as error:  # pip compiles for the newest jaxlib there is
+            return f"they were built for another jaxlib; write `jaxcontact kernels --build` ({error})"
     return ""
