@@ -341,7 +341,7 @@ def test_kernels_for_another_jaxlib_are_left_alone(monkeypatch):
     native._loaded.cache_clear()
     monkeypatch.setattr(jax.ffi, "register_ffi_target", refuse)
     try:
-        assert "another jaxlib" in native.reason() and "kernels --build" in native.reason()
+        assert native.reason().startswith("they were built for another jaxlib; write `jaxcontact kernels --build`")
         assert float(solve(LCP(jnp.eye(1), -jnp.ones(1)), Lemke()).z[0]) == 1
     finally:
         native._loaded.cache_clear()

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxcontact.linalg.rows import ENTRIES, ROW
 from jaxcontact.linalg.screens import SCREEN, SHIELD
 from jaxcontact.linalg.shielded import SHIELDED, quotient_p, root_p
 from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
@@ -119,6 +120,7 @@ def _unstack(avals, params, x):
 
 
 STRUCTURE = {
+    ROW: lambda aval, _, *parts: _joined(np.stack, "axis")(aval, {"axis": -1}, *parts),
     "iota": _iota,
     "slice": _slice,
     "broadcast_in_dim": _broadcast,
@@ -132,7 +134,7 @@ STRUCTURE = {
     "rev": lambda aval, params, x: _moved(aval, x, np.flip(places(x), params["dimensions"])),
 }
 
-PARTS = {"split": _split, "unstack": _unstack}
+PARTS = {"split": _split, "unstack": _unstack, ENTRIES: lambda avals, _, x: _unstack(avals, {"axis": -1}, x)}
 """Those with several results: the rules take the shapes of all."""
 
 ELEMENTWISE = {

@@ -3,6 +3,7 @@
 import numpy as np
 from jax.extend import core
 
+from jaxcontact.linalg.rows import ENTRIES, ROW
 from jaxcontact.linalg.scalar_rules import KNOWN, is_milestone
 
 IN_BATCHES = "fused_in_batches"
@@ -12,7 +13,7 @@ ENTRIES_LIMIT = 128
 """Arrays with more entries than this stay whole."""
 
 LENGTH_LIMIT = 2**13
-"""A longer program on scalars takes too long to compile."""
+"""A longer program on scalars takes too long to compile. A row taken apart or put together counts twice."""
 
 CUT_LENGTH_LIMIT = 2**14
 """The same for one that is cut."""
@@ -82,6 +83,8 @@ def _length_of(step, final: bool) -> float:
     inner = opened(step, final)
     if inner is not None:
         return _length(inner.jaxpr, final)
+    if step.primitive.name in (ENTRIES, ROW):
+        return 2 * max(len(step.invars), len(step.outvars))
     if step.primitive.name in KNOWN:
         return sum(v.aval.size if v.aval.shape else 1 for v in step.outvars)
     scalar = max(v.aval.size for v in (*step.invars, *step.outvars)) <= 1

@@ -12,6 +12,7 @@ import numpy as np
 from jax import lax
 
 from jaxcontact.linalg.batches import walled
+from jaxcontact.linalg.rows import entries_of_row, row_of_entries
 from jaxcontact.linalg.screens import SHIELD, screen
 
 Scalar = jax.Array
@@ -21,19 +22,15 @@ UNROLL_LIMIT = 8
 
 
 def in_a_row(A: jax.Array) -> list[Scalar]:
-    """All entries, row by row: of one long row, which is how matrices are put together here.
-
-    XLA sees through parts of a row of numbers, not through those of stacks of stacks: a matrix between two programs on
-    scalars would be stored. One split, whose transpose is one concatenation, where slices become sums of paddings.
-    """
+    """All entries, row by row: of one long row, which is how matrices are put together here."""
     if not A.ndim:
         return [A]
-    return [lax.reshape(x, ()) for x in lax.split(lax.reshape(A, (A.size,)), (1,) * A.size)] if A.size else []
+    return entries_of_row(A if A.ndim == 1 else lax.reshape(A, (A.size,))) if A.size else []
 
 
 def row_of(scalars: list[Scalar]) -> jax.Array:
-    """The array (k,) of k >= 1 scalars; unlike a stack it is batched with the lanes in front, as everything else is."""
-    return lax.concatenate([lax.reshape(x, (1,)) for x in scalars], 0)
+    """The array (k,) of k >= 1 scalars."""
+    return row_of_entries(scalars)
 
 
 def entries(A: jax.Array) -> list[list[Scalar]]:
