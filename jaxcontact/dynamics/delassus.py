@@ -186,8 +186,9 @@ def _factor(M: Array) -> Array:
     L = linalg.cholesky(M)
     if n == 0:
         return L
-    diagonal, noise = linalg.diagonal(M), n * float(jnp.finfo(M.dtype).eps)
-    sound = jnp.all(linalg.diagonal(L) ** 2 > noise * diagonal) & (jnp.sum(diagonal) < jnp.inf)
+    diagonal = jnp.stack([M[i, i] for i in range(n)])
+    noise = n * float(jnp.finfo(M.dtype).eps)
+    sound = jnp.stack([L[i, i] ** 2 > noise * diagonal[i] for i in range(n)]).all() & (jnp.sum(diagonal) < jnp.inf)
     return linalg.where(sound, L, jnp.nan)
 
 

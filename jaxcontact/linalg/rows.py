@@ -18,7 +18,7 @@ def entries_of_row(row: jax.Array) -> list[jax.Array]:
 
     >>> entries_of_row(jnp.ones(3))     # three numbers
     """
-    return _entries_p.bind(row)
+    return list(_entries_p.bind(row))
 
 
 def row_of_entries(entries: list[jax.Array]) -> jax.Array:
