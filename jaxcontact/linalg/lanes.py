@@ -16,6 +16,7 @@ from jax.interpreters import ad, batching, mlir
 
 from jaxcontact.linalg.fused import fused
 from jaxcontact.linalg.reader import Reader
+from jaxcontact.linalg.rows import entries_of_row, row_of_entries
 from jaxcontact.linalg.scalar_rules import Entries, entries_of
 from jaxcontact.linalg.survey import IN_BATCHES, of_all_inputs, takes_apart
 from jaxcontact.linalg.tracing import Traced
@@ -53,17 +54,16 @@ def read_batch(
 def columns_of(x: jax.Array) -> Entries:
     """The entries of the small arrays of a batch, each for all lanes."""
     lanes, shape = x.shape[0], x.shape[1:]
-    table = lax.reshape(x, (lanes, math.prod(shape)))
-    columns = lax.split(table, (1,) * table.shape[1], axis=1) if table.shape[1] else []
-    return Entries(shape, x.dtype, [lax.reshape(column, (lanes,)) for column in columns])
+    count = math.prod(shape)
+    return Entries(shape, x.dtype, entries_of_row(lax.reshape(x, (lanes, count))) if count else [])
 
 
 def _small_arrays(x: Entries, size: int) -> jax.Array:
     """(size, ...) the arrays of their entries again."""
     if not x.flat:
         return jnp.zeros((size, *x.shape), x.dtype)
-    columns = [lax.reshape(e, (size, 1)) if np.ndim(e) else lax.full((size, 1), e, x.dtype) for e in x.flat]
-    return lax.reshape(lax.concatenate(columns, 1), (size, *x.shape))
+    columns = [e if np.ndim(e) else lax.full((size,), e, x.dtype) for e in x.flat]
+    return lax.reshape(row_of_entries(columns), (size, *x.shape))
 
 
 _program_p = core.Primitive(IN_BATCHES)
