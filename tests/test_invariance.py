@@ -95,6 +95,26 @@ def test_a_rescaled_row_changes_the_norm_ratio_though_not_the_contact_problem():
     assert norm_ratio(tenfold) < 0.25 / 3
 
 
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_the_unit_of_a_gap_changes_neither_motion_nor_the_certificate_of_uniqueness(unit):
+    """G_k becomes unit G_k, so lambda_k becomes lambda_k / unit, and the coefficient that belongs to it mu_k unit."""
+
+    @jc.mechanism
+    class Rescaled(PainleveKlein):
+        gaps = lambda self, q: jnp.array([1.0, unit]) * PainleveKlein().gaps(q)  # noqa: E731
+
+    guides, other = PainleveKlein(gravity=9.81), Rescaled(gravity=9.81)
+    mu, units = np.array([0.2, 0.2]), np.array([1.0, unit])
+    state = guides.state(theta=0.8, speed=1.0)
+    here = jc.contact_forces(guides, state, mu)
+    there = jc.contact_forces(other, state, mu * units)
+    assert here.unique
+    assert there.unique
+    assert (np.abs(here.normal) > 0.1).all()
+    np.testing.assert_allclose(there.normal * units, here.normal, rtol=ROUNDINGS)
+    np.testing.assert_allclose(there.acceleration, here.acceleration, rtol=ROUNDINGS, atol=ROUNDINGS * 9.81)
+
+
 @pytest.mark.parametrize(("mechanism", "chart"), SCENES, ids=lambda x: type(x).__name__)
 def test_compiled_eager_and_batched_values_agree(mechanism, chart):
     def bound(values):
