@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcontact.linalg.rows import entries_of_row, row_of_entries
+from jaxcontact.linalg.rows import entries_of_row, row_of
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, bool])
@@ -15,7 +15,7 @@ def test_entries_and_rows_are_those_of_numpy(dtype):
         entries = apart(jnp.asarray(x))
         assert [e.dtype for e in entries] == [x.dtype] * 3
         np.testing.assert_array_equal(np.stack(entries, axis=-1), x)
-    for together in (row_of_entries, jax.jit(row_of_entries)):
+    for together in (row_of, jax.jit(row_of)):
         np.testing.assert_array_equal(together([jnp.asarray(c) for c in x.T]), x)
 
 
@@ -26,7 +26,7 @@ def test_lanes_stay_in_front():
         np.testing.assert_array_equal(found, x[:, :, k])
     for k, found in enumerate(jax.vmap(entries_of_row, in_axes=2)(x)):
         np.testing.assert_array_equal(found, x[:, k].T)
-    mixed = jax.vmap(lambda a, b: row_of_entries([a, b]), in_axes=(1, None))(x[0], np.arange(3.0))
+    mixed = jax.vmap(lambda a, b: row_of([a, b]), in_axes=(1, None))(x[0], np.arange(3.0))
     np.testing.assert_array_equal(mixed, np.stack([x[0].T, np.broadcast_to(np.arange(3.0), (4, 3))], axis=-1))
 
 
@@ -34,11 +34,11 @@ def test_both_are_linear_and_each_the_transpose_of_the_other():
     x, y = np.array([1.0, -2.0, 4.0]), np.array([0.5, 3.0, -1.0])
     _, slopes = jax.jvp(entries_of_row, (x,), (y,))
     np.testing.assert_array_equal(slopes, y)
-    _, slope = jax.jvp(lambda a: row_of_entries([a, jnp.ones(()), a]), (2.0,), (1.0,))
+    _, slope = jax.jvp(lambda a: row_of([a, jnp.ones(()), a]), (2.0,), (1.0,))
     np.testing.assert_array_equal(slope, [1, 0, 1])
     (back,) = jax.linear_transpose(entries_of_row, x)(list(y))
     np.testing.assert_array_equal(back, y)
-    (back,) = jax.linear_transpose(row_of_entries, list(x))(y)
+    (back,) = jax.linear_transpose(row_of, list(x))(y)
     np.testing.assert_array_equal(back, y)
 
 
@@ -47,7 +47,7 @@ def test_gradients_of_one_entry_and_of_batches():
 
     def f(x):
         entries = entries_of_row(x)
-        return jnp.sum(row_of_entries([entries[1] ** 2 * entries[2], entries[1] * 0 + 1]))
+        return jnp.sum(row_of([entries[1] ** 2 * entries[2], entries[1] * 0 + 1]))
 
     x = np.array([[1.0, -2.0, 4.0], [0.5, 3.0, -1.0]])
     expected = np.stack([0 * x[:, 0], 2 * x[:, 1] * x[:, 2], x[:, 1] ** 2], axis=1)

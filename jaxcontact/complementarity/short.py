@@ -7,7 +7,8 @@ import numpy as np
 from jax import lax
 
 from jaxcontact import linalg
-from jaxcontact.linalg.unrolled import entries, in_a_row, inner, row_of
+from jaxcontact.linalg.rows import row_of
+from jaxcontact.linalg.unrolled import entries, in_a_row, inner
 
 SCALARS = 4
 """Vectors up to this length are handled entry by entry: one fused loop over a batch instead of many small ones."""

@@ -50,8 +50,8 @@ def stiffened(parts: Terms, contacts: tuple[Contact, ...], gamma: Array) -> Term
 
 
 def _outer(G: Array) -> Array:
-    """G G^T (n, n) in one operation: a program on scalars takes it apart by itself."""
-    return jnp.sum(G[:, None, :] * G[None, :, :], axis=2)
+    """G G^T (n, n) as one operation, which a program on scalars takes apart; `linalg.gram` would be many."""
+    return lax.dot_general(G, G, (((1,), (1,)), ((), ())), precision=lax.Precision.HIGHEST)
 
 
 def _held(contacts: tuple[Contact, ...]) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from .. import linalg
 from ..dynamics import Contact, State, Terms
@@ -13,8 +13,9 @@ from ..dynamics.sound import closed_and_kept
 def is_sound(contacts: tuple[Contact, ...], parts: Terms, state: State, mu: Array) -> Array:
     """bool: all numbers are finite, the coefficients of friction are possible, and every gap is closed and stays so."""
     numbers = (parts.M, parts.F, parts.G, parts.H, parts.c, parts.slip, parts.gap, parts.gap_rate, state.q, state.v, mu)
+    row = jnp.concatenate([lax.reshape(x, (x.size,)) for x in numbers])  # one question, not eleven
     closed, kept = closed_and_kept(parts, state)
-    return linalg.all_finite(*numbers) & jnp.all(closed & kept)
+    return linalg.all_finite(row) & jnp.all(closed & kept)
 
 
 def without_idle_directions(parts: Terms, idle: Array) -> Terms:

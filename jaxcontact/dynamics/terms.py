@@ -20,7 +20,8 @@ from jax import Array
 
 from ..linalg import fused
 from ..linalg.program import Program, units
-from ..linalg.unrolled import entries, in_a_row, row_of
+from ..linalg.rows import row_of
+from ..linalg.unrolled import entries, in_a_row
 from .records import State
 
 

@@ -31,11 +31,7 @@ def all_finite(*arrays: jax.Array) -> jax.Array:
 
     >>> all_finite(jnp.ones(2), jnp.array(jnp.inf))     # False
     """
-    rows: dict = {}
-    for x in arrays:
-        rows.setdefault(x.dtype, []).append(lax.reshape(x, (x.size,)))
-    found = [lax.reduce_and(lax.is_finite(lax.concatenate(row, 0)), (0,)) for row in rows.values()]
-    return functools.reduce(lax.bitwise_and, found)
+    return functools.reduce(lax.bitwise_and, [lax.reduce_and(lax.is_finite(x), _axes(x, None)) for x in arrays])
 
 
 def _extreme(x, axis, initial, reduce, better):

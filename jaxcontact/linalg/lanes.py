@@ -16,7 +16,7 @@ from jax.interpreters import ad, batching, mlir
 
 from jaxcontact.linalg.fused import fused
 from jaxcontact.linalg.reader import Reader
-from jaxcontact.linalg.rows import entries_of_row, row_of_entries
+from jaxcontact.linalg.rows import entries_of_row, row_of
 from jaxcontact.linalg.scalar_rules import Entries, entries_of
 from jaxcontact.linalg.survey import IN_BATCHES, of_all_inputs, takes_apart
 from jaxcontact.linalg.tracing import Traced
@@ -63,7 +63,7 @@ def _small_arrays(x: Entries, size: int) -> jax.Array:
     if not x.flat:
         return jnp.zeros((size, *x.shape), x.dtype)
     columns = [e if np.ndim(e) else lax.full((size,), e, x.dtype) for e in x.flat]
-    return lax.reshape(row_of_entries(columns), (size, *x.shape))
+    return lax.reshape(row_of(columns), (size, *x.shape))
 
 
 _program_p = core.Primitive(IN_BATCHES)

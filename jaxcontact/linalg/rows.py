@@ -21,10 +21,10 @@ def entries_of_row(row: jax.Array) -> list[jax.Array]:
     return list(_entries_p.bind(row))
 
 
-def row_of_entries(entries: list[jax.Array]) -> jax.Array:
+def row_of(entries: list[jax.Array]) -> jax.Array:
     """The row (..., k) of k >= 1 arrays of one shape and dtype.
 
-    >>> row_of_entries([jnp.ones(()), jnp.zeros(())]).shape     # (2,)
+    >>> row_of([jnp.ones(()), jnp.zeros(())]).shape     # (2,)
     """
     return _row_p.bind(*entries)
 
@@ -58,7 +58,7 @@ def _entries_over_lanes(operands, axes):
 
 def _row_over_lanes(entries, axes):
     size = next(x.shape[axis] for x, axis in zip(entries, axes, strict=True) if axis is not None)
-    return row_of_entries([batching.bdim_at_front(x, axis, size) for x, axis in zip(entries, axes)]), 0
+    return row_of([batching.bdim_at_front(x, axis, size) for x, axis in zip(entries, axes)]), 0
 
 
 batching.primitive_batchers[_entries_p] = _entries_over_lanes
@@ -71,7 +71,7 @@ def _entries_moved(primals, tangents):
 
 
 def _row_moved(primals, tangents):
-    return row_of_entries(primals), row_of_entries([*map(ad.instantiate_zeros, tangents)])
+    return row_of(primals), row_of([*map(ad.instantiate_zeros, tangents)])
 
 
 ad.primitive_jvps[_entries_p] = _entries_moved
@@ -79,7 +79,7 @@ ad.primitive_jvps[_row_p] = _row_moved
 
 
 def _entries_transposed(cotangents, row):
-    return [row_of_entries([*map(ad.instantiate_zeros, cotangents)])]
+    return [row_of([*map(ad.instantiate_zeros, cotangents)])]
 
 
 def _row_transposed(cotangent, *entries):

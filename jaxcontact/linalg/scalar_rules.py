@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxcontact.linalg.rows import ENTRIES, ROW
+from jaxcontact.linalg.rows import ENTRIES, ROW, row_of
 from jaxcontact.linalg.screens import SCREEN, SHIELD
 from jaxcontact.linalg.shielded import SHIELDED, quotient_p, root_p
-from jaxcontact.linalg.unrolled import in_a_row, milestone, row_of
+from jaxcontact.linalg.unrolled import in_a_row, milestone
 
 
 class Entries(NamedTuple):

@@ -84,7 +84,7 @@ def _length_of(step, final: bool) -> float:
     if inner is not None:
         return _length(inner.jaxpr, final)
     if step.primitive.name in (ENTRIES, ROW):
-        return 2 * max(len(step.invars), len(step.outvars))
+        return 2 * max(v.aval.size for v in (*step.invars, *step.outvars))
     if step.primitive.name in KNOWN:
         return sum(v.aval.size if v.aval.shape else 1 for v in step.outvars)
     scalar = max(v.aval.size for v in (*step.invars, *step.outvars)) <= 1

@@ -45,7 +45,7 @@ class Traced(NamedTuple):
 
     @classmethod
     def of(cls, function: Callable, *arguments) -> "Traced":
-        """The program of function(*arguments)."""
+        """The program of function(*arguments), in one step."""
         program, shapes = jax.make_jaxpr(jax.jit(function), return_shape=True)(*arguments)
 
         def run(*arguments):

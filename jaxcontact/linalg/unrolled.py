@@ -12,7 +12,7 @@ import numpy as np
 from jax import lax
 
 from jaxcontact.linalg.batches import walled
-from jaxcontact.linalg.rows import entries_of_row, row_of_entries
+from jaxcontact.linalg.rows import entries_of_row, row_of
 from jaxcontact.linalg.screens import SHIELD, screen
 
 Scalar = jax.Array
@@ -26,11 +26,6 @@ def in_a_row(A: jax.Array) -> list[Scalar]:
     if not A.ndim:
         return [A]
     return entries_of_row(A if A.ndim == 1 else lax.reshape(A, (A.size,))) if A.size else []
-
-
-def row_of(scalars: list[Scalar]) -> jax.Array:
-    """The array (k,) of k >= 1 scalars."""
-    return row_of_entries(scalars)
 
 
 def entries(A: jax.Array) -> list[list[Scalar]]:
